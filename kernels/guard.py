@@ -1,0 +1,168 @@
+"""What forbids crossing: the guard cuts displacements towards obstacles, the carry moves nodes out of their way.
+
+A finite potential cannot forbid crossing, these rules on displacements do, however badly Newton has converged
+(design 5.1). A node may approach an obstacle by at most 0.9 of its distance per update; only the approaching component
+is cut. All that lies beyond the plane through the nearest point of a convex obstacle is safe; near others the way is
+traced.
+"""
+
+import functools
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from warpdeform.kernels.distance import CONVEX, KINDS, distances
+from warpdeform.kernels.lanes import kernel_module, lanes
+
+
+@functools.cache
+def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
+    """The kernels for one precision.
+
+    Args:
+        real: ``wp.float32`` or ``wp.float64``.
+        with_mesh: Whether an obstacle is a mesh.
+    """
+    words = lanes(1, real)
+    V, load1, load3, store3 = words.V, words.load1, words.load3, words.store3
+    geometry = distances(real, with_mesh)
+    Obstacle, Pose, F = geometry.Obstacle, geometry.Pose, geometry.F
+    signed_distance, remembered_distance = geometry.signed_distance, geometry.remembered_distance
+    zero, one, near = real(0.0), real(1.0), real(0.9)
+    hollow_codes = sum(1 << code for code, kind in enumerate(KINDS) if kind not in CONVEX)
+    module = kernel_module("guard" + "_mesh" * with_mesh, 1, real)
+
+    @wp.func
+    def hollow(o: Obstacle):
+        """Whether the obstacle is not convex."""
+        return ((hollow_codes >> o.kind) & 1) == 1
+
+    @wp.func
+    def turned(pose: Pose, share: real, v: V):
+        """The vector v in the obstacle's frame when a share of its motion in the step is done."""
+        angle = wp.length(pose.spin)
+        w = v
+        if angle > zero:
+            w = wp.quat_rotate(wp.quat_from_axis_angle(pose.spin / angle, (one - share) * angle), v)
+        return wp.transpose(pose.rotation) * w
+
+    @wp.func
+    def seen(pose: Pose, share: real, x: V):
+        """The point x in the obstacle's frame when a share of its motion in the step is done."""
+        return turned(pose, share, x - pose.position + (one - share) * pose.shift)
+
+    @wp.func
+    def free_share(o: Obstacle, pose: Pose, x: V, d: V, slack: real, stop: real, least: real):
+        """How much of the way from x to x + d a node may go while the obstacle makes its motion (sphere tracing).
+
+        It ends where distance plus slack has fallen to `stop` and goes on falling. Steps are `least` [m] or longer.
+        """
+        arm = wp.max(wp.length(x - pose.position + pose.shift), wp.length(x + d - pose.position))
+        way = wp.length(d - pose.shift) + wp.length(pose.spin) * arm
+        share = one
+        if way > zero:
+            share = zero
+            for _ in range(256):
+                p = seen(pose, share, x + share * d)
+                f = signed_distance(o, p, way + stop)
+                room = f[3] + slack
+                drift = turned(pose, share, d - pose.shift) - wp.cross(wp.transpose(pose.rotation) * pose.spin, p)
+                if room <= stop and wp.dot(drift, V(f[0], f[1], f[2])) < zero:
+                    return share
+                share += wp.max(wp.abs(room) - near * stop, least) / way
+                if share >= one:
+                    return one
+        return share
+
+    @wp.func
+    def approach(o: Obstacle, pose: Pose, memory: wp.array3d(dtype=real), i: int, j: int, z: V, length: real):
+        """The outward normal at z and the room before it [m]; a zero normal where a way of `length` does no harm."""
+        p = wp.transpose(pose.rotation) * (z - pose.position)
+        f = remembered_distance(o, memory, i, j, p, real(1.2) * length)
+        room = near * (f[3] + o.slack)
+        result = F(zero, zero, zero, length)
+        if length > room:
+            n = pose.rotation * V(f[0], f[1], f[2])
+            result = F(n[0], n[1], n[2], room)
+        return result
+
+    @wp.kernel(module=module)
+    def guard_direction(
+        halo: int,
+        free: wp.array3d(dtype=real),
+        position: wp.array3d(dtype=real),
+        obstacles: wp.array(dtype=Obstacle),
+        poses: wp.array(dtype=Pose),
+        memory: wp.array3d(dtype=real),
+        direction_out: wp.array3d(dtype=real),
+    ):
+        row, column = wp.tid()
+        i = row + 1
+        j = column + halo
+        if load1(free, 0, i, j) == zero:
+            return
+        z = load3(position, 0, i, j)
+        d = load3(direction_out, 0, i, j)
+        length = wp.length(d)
+        if length == zero:
+            return
+        # Sweeps 0 to 2 cut; sweep 3 scales what cutting left of the approach, and traces the way near hollow obstacles.
+        sweep = wp.int32(0)
+        while sweep < 4:
+            limits = wp.int32(0)
+            for k in range(obstacles.shape[0]):
+                o = obstacles[k]
+                pose = poses[k]
+                a = approach(o, pose, memory, i, j, z, length)
+                n = V(a[0], a[1], a[2])
+                if wp.dot(n, n) > zero:
+                    limits += 1
+                    allow = wp.max(a[3], o.floor)
+                    toward = -wp.dot(d, n)
+                    if sweep < 3:
+                        d += wp.max(toward - allow, zero) * n
+                    else:
+                        if toward > allow + real(1e-6) * length:
+                            d = (allow / toward) * d
+                        if hollow(o) and (a[3] > zero or o.slack == zero):
+                            still = Pose()
+                            still.position = pose.position
+                            still.rotation = pose.rotation
+                            stop = wp.max(a[3], zero) / real(9.0)
+                            d = free_share(o, still, z, d, o.slack, stop, real(0.05) * o.eps) * d
+            if limits == 0:
+                sweep = 4
+            elif limits == 1 and sweep < 3:
+                sweep = 3
+            else:
+                sweep += 1
+        store3(direction_out, 0, i, j, d)
+
+    @wp.kernel(module=module)
+    def carry_nodes(
+        halo: int,
+        free: wp.array3d(dtype=real),
+        position: wp.array3d(dtype=real),
+        obstacles: wp.array(dtype=Obstacle),
+        poses: wp.array(dtype=Pose),
+        start_out: wp.array3d(dtype=real),
+    ):
+        """Trace each node's way from `position` to `start_out` seen from each obstacle; stop it at half of eps."""
+        row, column = wp.tid()
+        i = row + 1
+        j = column + halo
+        if load1(free, 0, i, j) == zero:
+            return
+        x = load3(position, 0, i, j)
+        z = load3(start_out, 0, i, j)
+        for _ in range(2):
+            for k in range(obstacles.shape[0]):
+                o = obstacles[k]
+                pose = poses[k]
+                share = free_share(o, pose, x, z - x, zero, real(0.5) * o.eps, real(0.05) * o.eps)
+                if share < one:
+                    z = pose.position + pose.rotation * seen(pose, share, x + share * (z - x))
+        store3(start_out, 0, i, j, z)
+
+    return SimpleNamespace(guard_direction=guard_direction, carry_nodes=carry_nodes)

@@ -1,0 +1,75 @@
+"""warpdeform: elastically deformable surfaces on NVIDIA Warp.
+
+The public names are loaded when they are first used, so that `import warpdeform` needs neither Warp nor USD.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from warpdeform.body import Body, Pin, Spring
+    from warpdeform.errors import InputError, Mistake, SimulationFailure, WarpdeformError
+    from warpdeform.material import Material
+    from warpdeform.obstacle import Obstacle
+    from warpdeform.scene import load_scene
+    from warpdeform.settings import Settings
+    from warpdeform.shape import RestShape, arc, from_array, from_file, from_map, sheet
+    from warpdeform.simulation import Simulation
+    from warpdeform.track import Track
+    from warpdeform.usd.frames import FrameWriter
+    from warpdeform.wind import Wind
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Body",
+    "FrameWriter",
+    "InputError",
+    "Material",
+    "Mistake",
+    "Obstacle",
+    "Pin",
+    "RestShape",
+    "Settings",
+    "Simulation",
+    "SimulationFailure",
+    "Spring",
+    "Track",
+    "WarpdeformError",
+    "Wind",
+    "__version__",
+    "arc",
+    "from_array",
+    "from_file",
+    "from_map",
+    "load_scene",
+    "sheet",
+]
+
+_HOMES = {
+    "body": ("Body", "Pin", "Spring"),
+    "errors": ("InputError", "Mistake", "SimulationFailure", "WarpdeformError"),
+    "material": ("Material",),
+    "obstacle": ("Obstacle",),
+    "scene": ("load_scene",),
+    "settings": ("Settings",),
+    "shape": ("RestShape", "arc", "from_array", "from_file", "from_map", "sheet"),
+    "simulation": ("Simulation",),
+    "track": ("Track",),
+    "usd.frames": ("FrameWriter",),
+    "wind": ("Wind",),
+}
+"""The module that each public name lives in."""
+
+
+def __getattr__(name: str) -> object:
+    for home, names in _HOMES.items():
+        if name in names:
+            value = getattr(import_module(f"{__name__}.{home}"), name)
+            globals()[name] = value
+            return value
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -1,0 +1,88 @@
+"""The face that every energy and load shows to the solver."""
+
+from typing import Any, ClassVar, Protocol
+
+import warp as wp
+
+LAGGED_ITERATIONS = 3
+"""Newton iterations in which lagged quantities (contact force, wind normal) follow the iterate before they freeze."""
+
+
+class BodyArrays(Protocol):
+    """What a term may read of its body while a step runs; component arrays as in :class:`~warpdeform.grid.Layout`."""
+
+    layout: Any
+    real: Any
+    lane_width: int
+    device: Any
+    x: wp.array
+    """Accepted position at the start of the step [m], shape (3, rows, columns)."""
+    w: wp.array
+    """Base of the stage velocity (z - w) / tau [m], shape (3, rows, columns)."""
+    mass: wp.array
+    """Node masses [kg], trapezoid weights, shape (1, rows, columns)."""
+    area: wp.array
+    """Node shares of the rest area [m2], trapezoid weights, shape (1, rows, columns)."""
+    free: wp.array
+    """1 at free nodes, 0 at pinned nodes and outside the body, shape (1, rows, columns)."""
+    iteration: wp.array
+    """Newton iteration of this step, int32, shape (1,)."""
+
+
+class Force:
+    """One term of one body: an incremental potential with its gradient and a positive semi-definite Hessian.
+
+    Every method but `prepare` and `bytes` only launches kernels, so that a step can be captured as one graph: no
+    allocation, no read of a device array, no decision on the host. Terms override what they have; the rest is empty.
+    """
+
+    name: ClassVar[str] = "force"
+    elastic: ClassVar[bool] = False
+    """True for terms whose Hessian couples nodes; False for node-wise terms, whose Hessian is one block per node."""
+    energy_kind: ClassVar[str] = "field"
+    """Where reports book the energy: "elastic", "gravity", "field", or "" for one that is not stored (friction, wind)."""
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Names of the kernels that the term launches, for `warpdeform info`."""
+        return ()
+
+    def bytes(self) -> int:
+        """Device memory that the term keeps [bytes]."""
+        return 0
+
+    def prepare(self, time: float, dt: float, tau: float) -> None:
+        """Write the parameters of the stage that ends at `time` [s] into device arrays (host, between steps)."""
+
+    def begin(self, body: BodyArrays) -> None:
+        """Start of a step: `body.x` holds the accepted position; freeze frames that last for the step."""
+
+    def linearise(self, body: BodyArrays, position: wp.array) -> None:
+        """Store at a Newton iterate what gradient, Hessian product and blocks need."""
+
+    def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
+        """Add the energy [J] to `partials` (float64, [rows, columns]), each thread at its own node's entry."""
+
+    def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
+        """Add the derivative of the energy by the position [N]; valid after `linearise` at the same position."""
+
+    def add_hessian_product(self, body: BodyArrays, direction: wp.array, product: wp.array) -> None:
+        """Add the projected Hessian times `direction` [N] (elastic terms)."""
+
+    def add_block_diagonal(self, body: BodyArrays, blocks: wp.array) -> None:
+        """Add the 3 x 3 diagonal blocks of the projected Hessian [N/m], shape (6, rows, columns) (elastic terms)."""
+
+    def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
+        """Add the whole Hessian of a node-wise term, one symmetric block per node [N/m], shape (6, rows, columns)."""
+
+    def carry(self, body: BodyArrays, start: wp.array) -> None:
+        """Move `start` out of the way of obstacles that would jump over it during the step."""
+
+    def guard(self, body: BodyArrays, position: wp.array, direction: wp.array) -> None:
+        """Clip the displacement `direction` from `position` so that no node crosses an obstacle."""
+
+    def finish(self, body: BodyArrays) -> None:
+        """The step is accepted: store what the next one starts from (friction anchors)."""
+
+    def reset(self) -> None:
+        """Forget what earlier steps have stored, as at the start of a run."""

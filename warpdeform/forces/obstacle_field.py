@@ -1,0 +1,194 @@
+"""All obstacles as one body feels them: field, friction, guard and carry (design 5.1)."""
+
+import weakref
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpdeform.forces.force import LAGGED_ITERATIONS, BodyArrays, Force
+from warpdeform.kernels.distance import KINDS, MEMORY, distances
+from warpdeform.kernels.fields import LAGGED, fields
+from warpdeform.kernels.guard import guards
+from warpdeform.obstacle import FieldConstants, Obstacle
+from warpdeform.track import multiply, rotation_matrix, to_rotation_vector
+
+_meshes: "weakref.WeakKeyDictionary[Obstacle, dict[str, wp.Mesh]]" = weakref.WeakKeyDictionary()
+
+
+class ObstacleField(Force):
+    """The obstacles of a scene acting on one body, all of them in each launch.
+
+    The field is the force; the guard forbids crossing. Solids as deep as their gap or deeper give way: the guard lets a
+    node half their inradius, at most one gap, below the surface, and always lets it approach by half of eps. Thin
+    obstacles (a plate thinner than two gaps, the cone with its tip, meshes) give no way at all.
+
+    `linearise` keeps gradient and blocks; `finish` expects the accepted position in `body.x`. In `prepare`, dt is the
+    time from the start of the step to the end of the stage.
+
+    Attributes:
+        constants: Design speed, eps and cutoff of each obstacle.
+    """
+
+    name = "obstacles"
+
+    def __init__(
+        self,
+        body: BodyArrays,
+        obstacles: Sequence[Obstacle],
+        gravity: Sequence[float],
+        positions: NDArray[np.float64],
+        speed: float = 0.0,
+    ) -> None:
+        """Make the term.
+
+        Args:
+            body: The body's arrays.
+            obstacles: At least one.
+            gravity: Acceleration of gravity [m/s2].
+            positions: Initial node positions [m], shape (nu, nv, 3), for the design speeds that are left out.
+            speed: Fastest initial node speed [m/s], likewise.
+        """
+        real, device, layout = body.real, body.device, body.layout
+        self.obstacles = tuple(obstacles)
+        self.constants = tuple(
+            each.field_constants(gravity, each.expected_speed(positions, speed, gravity)) for each in self.obstacles
+        )
+        self._has_mesh = any(each.kind == "mesh" for each in self.obstacles)
+        self._has_friction = any(each.friction > 0.0 for each in self.obstacles)
+        self._moving = not all(each.track.static for each in self.obstacles)
+        self._geometry = distances(real, self._has_mesh)
+        self._kernels = fields(real, self._has_mesh, self._has_friction)
+        self._guards = guards(real, self._has_mesh)
+        self._held = [_mesh(each, device) for each in self.obstacles if each.kind == "mesh"]
+        frictional = sum(each.friction > 0.0 for each in self.obstacles)
+        plane = (layout.rows, layout.columns)
+
+        def zeros(components: int) -> wp.array:
+            return wp.zeros((components, *plane), dtype=real, device=device)
+
+        self._records: wp.array = wp.array(self._describe(), dtype=self._geometry.Obstacle, device=device)
+        self._pose_values = self._pose_records(0.0, 0.0)
+        self._poses: wp.array = wp.array(self._pose_values, dtype=self._geometry.Pose, device=device)
+        self._gradient, self._block = zeros(3), zeros(6)
+        self._start = zeros(3 if frictional else 0)
+        self._lagged = zeros(LAGGED * frictional)
+        self._memory = zeros(MEMORY * len(self._held))
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        names = ["linearise_fields", "add_field_gradient", "add_field_blocks", "add_field_energy"]
+        names += ["begin_friction", "finish_friction"] if self._has_friction else []
+        guards = ["guard_direction", "carry_nodes"] if self._moving else ["guard_direction"]
+        return (*(f"fields.{name}" for name in names), *(f"guard.{name}" for name in guards))
+
+    def bytes(self) -> int:
+        arrays = (self._records, self._poses, self._gradient, self._block, self._start, self._lagged, self._memory)
+        meshes = (array for mesh in self._held for array in (mesh.points, mesh.indices))
+        return sum(int(array.capacity) for array in (*arrays, *meshes))
+
+    def reset(self) -> None:
+        """Forget the friction anchors, as at the start of a run."""
+        self._lagged.zero_()
+        self._memory.zero_()
+
+    def prepare(self, time: float, dt: float, tau: float) -> None:
+        if self._moving:
+            values = self._pose_records(time - dt, time)
+            if values.tobytes() != self._pose_values.tobytes():
+                self._pose_values = values
+                self._poses.assign(values)
+
+    def begin(self, body: BodyArrays) -> None:
+        if self._has_friction:
+            inputs = [body.layout.halo, body.mass, body.x, self._records, self._poses]
+            self._launch(body, self._kernels.begin_friction, inputs, [self._start, self._lagged])
+
+    def linearise(self, body: BodyArrays, position: wp.array) -> None:
+        inputs = [body.layout.halo, LAGGED_ITERATIONS, body.mass, position, body.x, body.iteration]
+        outputs = [self._lagged, self._memory, self._gradient, self._block]
+        self._launch(body, self._kernels.linearise_fields, [*inputs, self._records, self._poses], outputs)
+
+    def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
+        inputs = [body.layout.halo, body.mass, position, body.x]
+        inputs += [self._records, self._poses, self._lagged, self._memory]
+        self._launch(body, self._kernels.add_field_energy, inputs, [partials])
+
+    def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
+        self._launch(body, self._kernels.add_field_gradient, [body.layout.halo, self._gradient], [gradient])
+
+    def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
+        self._launch(body, self._kernels.add_field_blocks, [body.layout.halo, self._block], [blocks])
+
+    def carry(self, body: BodyArrays, start: wp.array) -> None:
+        if self._moving:
+            inputs = [body.layout.halo, body.free, body.x, self._records, self._poses]
+            self._launch(body, self._guards.carry_nodes, inputs, [start])
+
+    def guard(self, body: BodyArrays, position: wp.array, direction: wp.array) -> None:
+        inputs = [body.layout.halo, body.free, position, self._records, self._poses, self._memory]
+        self._launch(body, self._guards.guard_direction, inputs, [direction])
+
+    def finish(self, body: BodyArrays) -> None:
+        if self._has_friction:
+            inputs = [body.layout.halo, body.mass, body.x, self._start, self._records, self._poses]
+            self._launch(body, self._kernels.finish_friction, inputs, [self._lagged])
+
+    def _launch(self, body: BodyArrays, kernel: Any, inputs: list[Any], outputs: list[Any]) -> None:
+        wp.launch(kernel, dim=body.layout.nodes, inputs=inputs, outputs=outputs, device=body.device)
+
+    def _describe(self) -> NDArray[np.void]:
+        """What of the obstacles does not change."""
+        records = np.zeros(len(self.obstacles), dtype=self._geometry.Obstacle.numpy_dtype())
+        frictional, meshes = 0, iter(self._held)
+        memory = 0
+        for record, each, constants in zip(records, self.obstacles, self.constants, strict=True):
+            slack, floor = _give_way(each, constants)
+            record["kind"], record["size"] = KINDS.index(each.kind), each.size_vector
+            record["half_thickness"] = 0.5 * each.thickness
+            record["strength"], record["eps"] = 0.5 * constants.design_speed**2, constants.range
+            record["cutoff"], record["slack"], record["floor"] = constants.cutoff, slack, floor
+            record["friction"], record["lagged"], record["memory"] = each.friction, -1, -1
+            if each.friction > 0.0:
+                record["lagged"] = LAGGED * frictional
+                frictional += 1
+            if each.kind == "mesh":
+                record["mesh"], record["memory"] = next(meshes).id, memory
+                memory += MEMORY
+        return records
+
+    def _pose_records(self, start: float, end: float) -> NDArray[np.void]:
+        """Poses at `end` [s] and their motion since `start`, differences taken in float64."""
+        records = np.zeros(len(self.obstacles), dtype=self._geometry.Pose.numpy_dtype())
+        for record, each in zip(records, self.obstacles, strict=True):
+            position, rotation = each.track.pose(end)
+            position_before, rotation_before = each.track.pose(start)
+            inverse_before = rotation_before * np.array([-1.0, -1.0, -1.0, 1.0])
+            record["position"], record["rotation"] = position, rotation_matrix(rotation)
+            record["shift"] = position - position_before
+            if not np.array_equal(rotation, rotation_before):
+                record["turn"] = rotation_matrix(rotation).T - rotation_matrix(rotation_before).T
+                record["spin"] = to_rotation_vector(multiply(rotation, inverse_before))
+        return records
+
+
+def _give_way(obstacle: Obstacle, constants: FieldConstants) -> tuple[float, float]:
+    """How deep the guard lets a node be sent below the surface, and the approach that it always allows [m]."""
+    if obstacle.inradius < obstacle.gap:
+        return 0.0, 0.0
+    return min(0.5 * obstacle.inradius, obstacle.gap), 0.5 * constants.range
+
+
+def _mesh(obstacle: Obstacle, device: Any) -> wp.Mesh:
+    """The mesh of an obstacle on a device, one for all bodies."""
+    on_devices = _meshes.setdefault(obstacle, {})
+    key = str(device)
+    if key not in on_devices:
+        assert obstacle.vertices is not None
+        assert obstacle.faces is not None
+        points: wp.array = wp.array(obstacle.vertices, dtype=wp.vec3, device=device)
+        indices: wp.array = wp.array(obstacle.faces.reshape(-1), dtype=wp.int32, device=device)
+        on_devices[key] = wp.Mesh(points, indices, support_winding_number=obstacle.thickness == 0.0)
+    return on_devices[key]

@@ -1,0 +1,146 @@
+"""The elastic energy of a surface: membrane, and bending where the material has it (design 1.3)."""
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpdeform.forces.force import BodyArrays, Force
+from warpdeform.forces.surface_coefficients import SurfaceStiffness, surface_stiffness
+from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.kernels import surface as kernels
+from warpdeform.material import Material
+
+Array = NDArray[np.float64]
+
+
+class SurfaceElasticity(Force):
+    """Membrane and bending of one surface.
+
+    Args:
+        grid: Parameter grid.
+        layout: Memory layout.
+        rest: Rest positions [m], shape (nu, nv, 3); G0 and B0 are measured on them by the kernels that measure G and B.
+        material: Material.
+        real: ``wp.float32`` or ``wp.float64``.
+        device: Warp device.
+    """
+
+    name = "elasticity"
+    elastic = True
+    energy_kind = "elastic"
+
+    def __init__(
+        self, grid: ParameterGrid, layout: Layout, rest: Array, material: Material, real: Any, device: Any
+    ) -> None:
+        self.stiffness: SurfaceStiffness = surface_stiffness(grid, rest, material.surface())
+        self.bending = self.stiffness.bending is not None
+        self._dim, self._device = layout.lane_dim, device
+        self._words = kernels.surface(layout.lane_width, real, self.stiffness.orthogonal, self.bending)
+
+        def upload(values: Array) -> wp.array:
+            return wp.array(layout.pack(values), dtype=real, device=device)
+
+        def scratch(components: int, needed: bool = True) -> wp.array:
+            shape = (components, layout.rows, layout.columns) if needed else (1, 1, 1)
+            return wp.zeros(shape, dtype=real, device=device)
+
+        self.K = upload(self.stiffness.membrane)
+        self.q0 = scratch(5)
+        self.tension = scratch(kernels.TENSION_COMPONENTS)
+        self.flux = scratch(kernels.FLUX_COMPONENTS)
+        self.K12 = upload(self.stiffness.twist) if self.stiffness.twist is not None else scratch(1, False)
+        self.KB = upload(self.stiffness.bending) if self.stiffness.bending is not None else scratch(1, False)
+        self.b0 = scratch(3, self.bending)
+        self.twist = scratch(kernels.TWIST_COMPONENTS, self.bending)
+        self.flexure = scratch(kernels.FLEXURE_COMPONENTS, self.bending)
+        self.scatter = scratch(kernels.SCATTER_COMPONENTS, self.bending)
+        alpha_u, alpha_v = difference_weights(grid, layout)
+        self.alpha_u = wp.array(alpha_u, dtype=real, device=device)
+        self.alpha_v = wp.array(alpha_v, dtype=real, device=device)
+        self._cell_floor, self._node_floor = real(self.stiffness.cell_floor), real(self.stiffness.node_floor)
+        self.measure(upload(rest), self.q0, self.b0)
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        """Names of the kernels that a step launches."""
+        cells = ("stress_cells", "product_cells", "gather", "energy_cells", "block_cells")
+        return (*cells, "stress_nodes", "product_nodes", "energy_nodes", "block_nodes") if self.bending else cells
+
+    def bytes(self) -> int:
+        """Device memory that the term keeps [bytes]."""
+        arrays = (self.K, self.q0, self.tension, self.flux, self.K12, self.KB, self.b0, self.twist, self.flexure)
+        return sum(a.capacity for a in (*arrays, self.scatter, self.alpha_u, self.alpha_v))
+
+    def _launch(self, kernel: Any, *arguments: Any) -> None:
+        wp.launch(kernel, dim=self._dim, inputs=arguments, device=self._device)
+
+    def measure(self, position: wp.array, q_out: wp.array, b_out: wp.array) -> None:
+        """Strain numbers q, shape (5, rows, columns), and curvature numbers b, shape (3, rows, columns), of a shape."""
+        self._launch(self._words.measure_membrane, position, q_out)
+        if self.bending:
+            self._launch(self._words.measure_bending, position, self.alpha_u, self.alpha_v, self._node_floor, b_out)
+
+    def linearise(self, body: BodyArrays, position: wp.array) -> None:
+        """Stresses, moments and the coefficients of the Hessian at `position`."""
+        k = self._words
+        self._launch(
+            k.stress_cells, position, self.K, self.q0, self.K12, self.b0, self._cell_floor,
+            self.tension, self.twist, self.flux,
+        )  # fmt: skip
+        if self.bending:
+            self._launch(
+                k.stress_nodes, position, self.KB, self.b0, self.alpha_u, self.alpha_v, self._node_floor,
+                self.flexure, self.scatter,
+            )  # fmt: skip
+        self._position = position
+
+    def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
+        """Add the elastic energy [J]."""
+        self._launch(self._words.energy_cells, position, self.K, self.q0, self.K12, self.b0, self._cell_floor, partials)
+        if self.bending:
+            self._launch(
+                self._words.energy_nodes, position, self.KB, self.b0, self.alpha_u, self.alpha_v, self._node_floor,
+                partials,
+            )  # fmt: skip
+
+    def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
+        """Add the exact derivative of the energy; uses the stresses of `linearise` (before any Hessian product)."""
+        self._launch(self._words.gather, self.flux, self.flexure, self.scatter, gradient)
+
+    def add_hessian_product(self, body: BodyArrays, direction: wp.array, product: wp.array) -> None:
+        """Add the projected Hessian times `direction`."""
+        k = self._words
+        self._launch(k.product_cells, self._position, self.K, self.tension, self.K12, self.twist, direction, self.flux)
+        if self.bending:
+            self._launch(k.product_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, direction, self.scatter)
+        self._launch(k.gather, self.flux, self.flexure, self.scatter, product)
+
+    def add_block_diagonal(self, body: BodyArrays, blocks: wp.array) -> None:
+        """Add the 3 x 3 diagonal blocks of the projected Hessian."""
+        k = self._words
+        self._launch(k.block_cells, self._position, self.K, self.tension, self.K12, self.twist, blocks)
+        if self.bending:
+            self._launch(k.block_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, blocks)
+
+
+def difference_weights(grid: ParameterGrid, layout: Layout) -> tuple[Array, Array]:
+    """Weights of the forward and backward differences in the tangents r_u and r_v at the nodes.
+
+    Half and half inside, all on the one difference that exists at a border.
+
+    Returns:
+        Weights along u, shape (2, rows, 1), and along v, shape (2, 1, columns).
+    """
+
+    def axis(count: int, periodic: bool) -> Array:
+        forward, backward = np.full(count, 0.5), np.full(count, 0.5)
+        if not periodic:
+            forward[0], backward[0], forward[-1], backward[-1] = 1.0, 0.0, 0.0, 1.0
+        return np.stack([forward, backward])
+
+    alpha_u, alpha_v = np.zeros((2, layout.rows, 1)), np.zeros((2, 1, layout.columns))
+    alpha_u[:, 1:-1, 0] = axis(grid.nodes[0], grid.periodic[0])
+    alpha_v[:, 0, layout.halo : layout.halo + grid.nodes[1]] = axis(grid.nodes[1], grid.periodic[1])
+    return alpha_u, alpha_v

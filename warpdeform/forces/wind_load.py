@@ -1,0 +1,144 @@
+"""The force of the air on a sheet: the paper's viscous force c (n . v) n (design 1.1)."""
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpdeform.forces.force import LAGGED_ITERATIONS, BodyArrays, Force
+from warpdeform.forces.parameters import Parameters
+from warpdeform.kernels.loads import FACING_COMPONENTS, gusts, wind
+from warpdeform.wind import Wind
+
+
+class WindLoad(Force):
+    """Force c A (n.v) n with v = u - (z - w)/tau, on the current normal n and the node's share A of the rest area.
+
+    n follows the iterate in the first three Newton iterations of a stage and is then frozen; a gusting stream u is
+    taken at the first iterate of a stage (the predicted position, so that the order of the integrator is kept). With
+    both frozen the force is the exact gradient of (c A tau/2) (n.v)^2, here relative to a node at rest, z = w.
+
+    The pressure of air on a sheet is (rho/2) Cd |n.v| n.v, with rho = 1.2 kg/m3 and Cd = 1.2 broadside on: the linear law
+    meets it where c = 0.7 kg/m3 times |n.v|. c = 2 kg/(m2 s) belongs to the 3 m/s at which a flag slips through a wind of
+    5 to 8 m/s: a cotton flag of 1.5 m then stands out and beats two to three times a second. Larger c makes it stiffer
+    and faster (8: 6 Hz in a steady wind of 6 m/s), smaller lets it hang (0.5).
+
+    Attributes:
+        wind: Velocity of the air.
+        coefficient: c [kg/(m2 s)]; may be changed between steps.
+        facing: Unit normal and stream along it [m/s], shape (4, rows, columns).
+        stream: Velocity of the air at the nodes [m/s], shape (3, rows, columns); only where the wind gusts.
+    """
+
+    name = "wind"
+    energy_kind = ""
+
+    def __init__(
+        self, body: BodyArrays, air: Wind, coefficient: float, periodic: tuple[bool, bool] = (False, False)
+    ) -> None:
+        """Make the term.
+
+        Args:
+            body: The body's arrays.
+            air: Velocity of the air.
+            coefficient: c [kg/(m2 s)].
+            periodic: Axes whose index wraps, where normals need no one-sided differences.
+        """
+        layout, real, device = body.layout, body.real, body.device
+        self.wind = air
+        self.coefficient = coefficient
+        self._air = Parameters([coefficient, 0.0], real, device)
+        self._mean = Parameters(air.mean(0.0), real, device)
+        rows = difference_weights(layout.nodes[0], periodic[0])
+        columns = np.zeros((2, 1, layout.columns))
+        columns[:, 0, layout.halo : layout.halo + layout.nodes[1]] = difference_weights(layout.nodes[1], periodic[1])
+        self._slopes_u: wp.array = wp.array(np.pad(rows, ((0, 0), (1, 1)))[:, :, None], dtype=real, device=device)
+        self._slopes_v: wp.array = wp.array(columns, dtype=real, device=device)
+        self.facing: wp.array = wp.zeros((FACING_COMPONENTS, layout.rows, layout.columns), dtype=real, device=device)
+        self._kernels = wind(body.lane_width, real)
+        self._gusting = air.gusting
+        if self._gusting:
+            self._waves = air.waves()
+            table = np.hstack([self._waves.wave_vectors, self._waves.amplitudes])
+            self._wave_table: wp.array = wp.array(table, dtype=real, device=device)
+            self._phases = Parameters(self._waves.phases_at(0.0), real, device)
+            self.stream: wp.array = wp.zeros((3, layout.rows, layout.columns), dtype=real, device=device)
+            self._gust_kernels = gusts(body.lane_width, real)
+
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        facing = ("gusts.blow", "gusts.face_gusts") if self._gusting else ("wind.face_stream",)
+        return (*facing, "wind.add_energy", "wind.add_gradient", "wind.add_blocks")
+
+    def bytes(self) -> int:
+        arrays = [self._slopes_u, self._slopes_v, self.facing]
+        parameters = [self._air, self._mean]
+        if self._gusting:
+            arrays += [self._wave_table, self.stream]
+            parameters.append(self._phases)
+        return sum(int(array.capacity) for array in arrays) + sum(each.bytes() for each in parameters)
+
+    def prepare(self, time: float, dt: float, tau: float) -> None:
+        self._air.write([self.coefficient, 1.0 / tau])
+        self._mean.write(self.wind.mean(time))
+        if self._gusting:
+            self._phases.write(self._waves.phases_at(time))
+
+    def linearise(self, body: BodyArrays, position: wp.array) -> None:
+        face, stream = self._kernels.face_stream, self._mean.array
+        if self._gusting:
+            face, stream = self._gust_kernels.face_gusts, self.stream
+            wp.launch(
+                self._gust_kernels.blow,
+                dim=body.layout.nodes,
+                inputs=[
+                    body.iteration, body.layout.halo, position, self._mean.array, self._wave_table, self._phases.array,
+                ],
+                outputs=[stream],
+                device=body.device,
+            )  # fmt: skip
+        wp.launch(
+            face,
+            dim=body.layout.lane_dim,
+            inputs=[body.iteration, LAGGED_ITERATIONS, position, self._slopes_u, self._slopes_v, stream],
+            outputs=[self.facing],
+            device=body.device,
+        )
+
+    def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
+        wp.launch(
+            self._kernels.add_energy,
+            dim=body.layout.lane_dim,
+            inputs=[body.area, self.facing, body.w, position, self._air.array],
+            outputs=[partials],
+            device=body.device,
+        )
+
+    def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
+        wp.launch(
+            self._kernels.add_gradient,
+            dim=body.layout.lane_dim,
+            inputs=[body.area, self.facing, body.w, position, self._air.array],
+            outputs=[gradient],
+            device=body.device,
+        )
+
+    def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
+        wp.launch(
+            self._kernels.add_blocks,
+            dim=body.layout.lane_dim,
+            inputs=[body.area, self.facing, self._air.array],
+            outputs=[blocks],
+            device=body.device,
+        )
+
+
+def difference_weights(count: int, periodic: bool = False) -> NDArray[np.float64]:
+    """Weights of the differences to the next and from the last node that make a central difference, shape (2, count).
+
+    One-sided at the ends of an open axis: neighbours outside the grid have weight zero.
+    """
+    weights = np.full((2, count), 0.5)
+    if not periodic:
+        weights[:, 0] = 1.0, 0.0
+        weights[:, -1] = 0.0, 1.0
+    return weights

@@ -1,0 +1,157 @@
+"""Tables that follow from registries: materials, rest shapes, obstacles. A new entry there is a new entry here."""
+
+from __future__ import annotations
+
+import inspect
+from functools import reduce
+from operator import or_
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, create_model
+
+from warpdeform.material import QUANTITIES
+from warpdeform.obstacle import SIZES
+from warpdeform.scene.table import ROTATION, NumberOrPair, NumberOrTriple, Pair, Table, Vector, key
+from warpdeform.shape import SHAPES
+
+
+class PresetTable(Table):
+    """A preset, or a material in one of its three forms; with a preset, the numbers beside it replace its own."""
+
+    shorthand = "preset"
+    preset: str | None = key(None, "Name of a preset", example="cotton", words="the name of a preset")
+
+
+class PathTable(Table):
+    """A motion by keyframes, relative to where the thing starts; constant before the first and after the last."""
+
+    times: list[float] = key([0.0], "Times of the keyframes", unit="s", example=[0.0, 1.0])
+    displacements: list[Vector] | None = key(
+        None,
+        "Displacement at each of them",
+        unit="m",
+        example=[[0, 0, 0], [1, 0, 0]],
+        words="one [x, y, z] for each time",
+    )
+    rotations: list[Vector] | None = key(
+        None,
+        f"{ROTATION}, at each of them; less than 180 between two",
+        unit="degrees",
+        example=[[0, 0, 0], [0, 0, 90]],
+        words="one [x, y, z] for each time",
+    )
+    spin: Vector = key(
+        [0.0, 0.0, 0.0],
+        "Steady angular velocity about axes of the world, from the first keyframe on",
+        unit="degrees/s",
+        example=[0.0, 0.0, 90.0],
+    )
+
+
+class ObstacleTable(Table):
+    """[[obstacle]]: a rigid thing in the way."""
+
+    name: str = key("", "Name in the output; left out: its kind", example="ball")
+    position: Vector = key([0.0, 0.0, 0.0], "Where it starts", unit="m", example=[0.0, 0.0, 0.5])
+    rotation: Vector = key([0.0, 0.0, 0.0], ROTATION, unit="degrees", example=[90.0, 0.0, 0.0])
+    path: PathTable | None = key(None, "How it moves; left out: it stays where it is", words="a table")
+    friction: float = key(0.0, "Coulomb coefficient", example=0.4)
+    design_speed: float | None = key(
+        None, "Normal speed that its field alone stops; left out: estimated", unit="m/s", example=2.0, words="a number"
+    )
+    gap: float = key(0.002, "Distance at which a body comes to rest on it", unit="m", example=0.002)
+    color: Vector | None = key(None, "Colour, linear RGB", example=[0.36, 0.38, 0.41], words="3 numbers")
+    roughness: float | None = key(None, "Roughness, 0 (mirror) to 1 (matt)", example=0.6, words="a number")
+
+
+_NUMBERS: dict[tuple[int, ...], tuple[Any, str]] = {
+    (1,): (float, "a number"),
+    (2,): (Pair, "2 numbers"),
+    (1, 2): (NumberOrPair, "a number, or two: along u and v"),
+    (1, 3): (NumberOrTriple, "a number, or three: 11, 22, 12"),
+}
+
+_SHAPE_KEYS: dict[str, tuple[Any, Any]] = {
+    "size": (Pair, key([1.0, 1.0], "Lengths along u and v", unit="m", example=[1.0, 1.0])),
+    "radius": (float, key(1.0, "Radius", unit="m", example=1.0)),
+    "angle": (float, key(90.0, "Opening angle", unit="degrees", example=90.0)),
+    "length": (float, key(1.0, "Length along the axis", unit="m", example=1.0)),
+    "path": (str, key(..., "A .npy, .npz or .csv file of positions, seen from the scene file", example="rest.npy")),
+}
+
+_OBSTACLE_KEYS: dict[str, tuple[Any, Any]] = {
+    "radius": (float, key(..., "Radius", unit="m", example=0.3)),
+    "height": (float, key(..., "Height along its z axis; a capsule's without its caps", unit="m", example=1.0)),
+    "tube_radius": (float, key(..., "Radius of the tube", unit="m", example=0.05)),
+    "size": (Vector, key(..., "Full lengths along x, y and z", unit="m", example=[1.0, 1.0, 0.1])),
+}
+
+_MORE_OBSTACLE_KEYS: dict[str, dict[str, tuple[Any, Any]]] = {
+    "plane": {
+        "normal": (
+            Vector | None,
+            key(None, "Direction out of the ground; left out: up", example=[0.0, 0.0, 1.0], words="3 numbers"),
+        )
+    },
+    "mesh": {
+        "mesh": (str, key(..., 'A USD file, seen from the scene file, or an asset of Warp: "bunny"', example="bunny")),
+        "prim": (str | None, key(None, "Path of the mesh in it", example="/root/bunny", words="text")),
+        "scale": (NumberOrTriple, key(1.0, "Factor of its lengths", example=1.0, words="a number, or three: x, y, z")),
+        "thickness": (float, key(0.0, "Thickness of an open mesh; 0 for solids", unit="m", example=0.002)),
+    },
+}
+
+
+def _table(name: str, base: type[Table], description: str, keys: dict[str, tuple[Any, Any]]) -> Any:
+    return create_model(name, __base__=base, __doc__=description, __module__=__name__, **keys)  # type: ignore[call-overload]
+
+
+def _kinds(what: str, base: type[Table], tables: dict[str, tuple[str, dict[str, tuple[Any, Any]]]]) -> Any:
+    """One of several tables, told apart by `kind`.
+
+    Args:
+        what: What they are kinds of.
+        base: What they have in common.
+        tables: Description and own keys of each kind.
+    """
+    models = []
+    for kind, (description, keys) in tables.items():
+        own = {"kind": (Literal[kind], key(..., f"Kind of {what}", example=kind)), **keys}  # type: ignore[valid-type]
+        name = "".join(word.capitalize() for word in f"{kind}-{what}".split("-"))
+        models.append(_table(name, base, description, own))
+    return Annotated[reduce(or_, models), Field(discriminator="kind")]
+
+
+def material_table() -> Any:
+    """The table of a material: one key for each of its quantities."""
+    keys = {}
+    for name, quantity in QUANTITIES.items():
+        number, words = _NUMBERS[quantity.counts]
+        description = name.replace("_", " ").capitalize()
+        keys[name] = (number | None, key(None, description, words=words, remedy=quantity.remedy))
+    return _table("Material", PresetTable, PresetTable.__doc__ or "", keys)
+
+
+def shape_table() -> Any:
+    """The tables of the rest shapes: one for each function of `SHAPES`, one key for each argument beside `nodes`."""
+    tables = {}
+    for kind, function in SHAPES.items():
+        arguments = [name for name in inspect.signature(function).parameters if name != "nodes"]
+        description = (inspect.getdoc(function) or "").split("\n")[0]
+        tables[kind] = (description, {name: _SHAPE_KEYS[name] for name in arguments})
+    return _kinds("shape", Table, tables)
+
+
+def obstacle_table() -> Any:
+    """The tables of the obstacles: one for each kind of `SIZES`, one key for each size."""
+    return _kinds(
+        "obstacle",
+        ObstacleTable,
+        {
+            kind: (
+                f'[[obstacle]] with kind = "{kind}".',
+                {**{size: _OBSTACLE_KEYS[size] for size in sizes}, **_MORE_OBSTACLE_KEYS.get(kind, {})},
+            )
+            for kind, sizes in SIZES.items()
+        },
+    )

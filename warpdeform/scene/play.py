@@ -1,0 +1,149 @@
+"""A scene becomes frames: simulated, written, and stopped in good order when it fails or is interrupted."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+from warpdeform.errors import SimulationFailure
+from warpdeform.result import RunRecord
+from warpdeform.scene.build import BuiltScene
+
+if TYPE_CHECKING:
+    from warpdeform.simulation import Simulation
+    from warpdeform.usd.frames import FrameWriter
+
+
+@dataclass(frozen=True)
+class Played:
+    """What became of a run.
+
+    Attributes:
+        record: Its statistics.
+        interrupted: Whether it was stopped before its last frame.
+        failure: Why it ended early, if a step failed.
+    """
+
+    record: RunRecord
+    interrupted: bool = False
+    failure: SimulationFailure | None = None
+
+
+def simulation_of(scene: BuiltScene) -> Simulation:
+    """The simulation that a scene describes, at its first frame."""
+    from warpdeform.simulation import Simulation  # Warp is loaded only when something runs
+
+    return Simulation(scene.bodies, obstacles=scene.obstacles, wind=scene.wind, settings=scene.settings)
+
+
+def play(
+    scene: BuiltScene,
+    output: str | Path | None = None,
+    *,
+    on_frame: Callable[[Simulation], None] = lambda simulation: None,
+    stopped: Callable[[], bool] = lambda: False,
+) -> Played:
+    """Simulate a scene and write its frames.
+
+    Args:
+        scene: The scene.
+        output: The USD file; `None` writes nothing.
+        on_frame: Called with the simulation at each frame, the initial state included, once it is written.
+        stopped: Asked after each frame whether to stop there.
+
+    Returns:
+        The record, also of a run that failed or was stopped: the frames until then are written.
+
+    Raises:
+        InputError: The output cannot be written.
+        WarpdeformError: Writing failed on the way.
+    """
+    if output is None:
+        return _play(simulation_of(scene), scene, None, on_frame, stopped)
+    from warpdeform.usd.output import check_output  # USD is loaded only when something is written
+
+    check_output(output)
+    simulation = simulation_of(scene)
+    writer = frame_writer(scene, output)
+    with writer:
+        played = _play(simulation, scene, writer, on_frame, stopped)
+        written = writer.close(played.record.as_dict(), interrupted=played.interrupted or played.failure is not None)
+    return replace(played, record=replace(played.record, output=str(written) if written else ""))
+
+
+def frame_writer(scene: BuiltScene, output: str | Path) -> FrameWriter:
+    """The writer of a scene's frames."""
+    from warpdeform.usd.frames import FrameWriter
+    from warpdeform.usd.topology import SurfaceMesh
+
+    meshes = [
+        SurfaceMesh(
+            body.name,
+            body.nodes,
+            color=body.color,
+            roughness=body.roughness,
+            thickness=body.material.thickness or 0.0,
+        )
+        for body in scene.bodies
+    ]
+    return FrameWriter(
+        output,
+        bodies=meshes,
+        obstacles=scene.obstacles,
+        fps=scene.settings.fps,
+        up_axis=scene.spec.scene.up_axis,
+        meters_per_unit=scene.spec.scene.meters_per_unit,
+        metadata={"scene": scene.name, "file": scene.raw, "versions": _versions()},
+    )
+
+
+def _play(
+    simulation: Simulation,
+    scene: BuiltScene,
+    writer: FrameWriter | None,
+    on_frame: Callable[[Simulation], None],
+    stopped: Callable[[], bool],
+) -> Played:
+    """Step through the frames; the clock runs while stepping and writing."""
+    wall, written = 0.0, 0
+    failure, interrupted = None, False
+    for frame in range(scene.frames):
+        start = perf_counter()
+        try:
+            if frame:
+                simulation.advance_frame()
+            if writer:
+                _write(simulation, writer)
+        except SimulationFailure as error:
+            failure = error
+            break
+        finally:
+            wall += perf_counter() - start
+        written = frame + 1
+        on_frame(simulation)
+        if written < scene.frames and stopped():
+            interrupted = True
+            break
+    record = replace(simulation.record(), frames=written, wall_s=wall)
+    return Played(record, interrupted, failure)
+
+
+def _write(simulation: Simulation, writer: FrameWriter) -> None:
+    points = {body.name: body.positions() for body in simulation.bodies}
+    velocities = {body.name: body.velocities() for body in simulation.bodies}
+    writer.write(simulation.time, points, velocities)
+
+
+def _versions() -> dict[str, str]:
+    versions = {"python": platform.python_version()}
+    for package in ("warpdeform", "warp-lang", "usd-core"):
+        try:
+            versions[package] = version(package)
+        except PackageNotFoundError:
+            versions[package] = "not installed"
+    return versions

@@ -1,0 +1,141 @@
+"""What a scene file may say: one model per table, and nothing else (design 4.1).
+
+The models check names and types. Whether a number makes sense is checked where it is used, by the classes that
+`warpdeform.scene.build` makes of it; both kinds of mistakes are reported together. Every key carries its unit and an
+example, from which messages and the published JSON schema are made.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+
+from annotated_types import Len
+
+from warpdeform.scene.kinds import PathTable, material_table, obstacle_table, shape_table
+from warpdeform.scene.table import ROTATION, Selector, Table, Vector, key
+from warpdeform.settings import Settings
+from warpdeform.wind import Wind
+
+if TYPE_CHECKING:
+    MaterialTable: TypeAlias = Any
+    ShapeTable: TypeAlias = Any
+    AnyObstacleTable: TypeAlias = Any
+else:
+    MaterialTable, ShapeTable, AnyObstacleTable = material_table(), shape_table(), obstacle_table()
+
+_SELECTOR = 'a selector such as "corner:0,1", "edge:u,0" or "all", or index pairs [[i, j], ...]'
+
+
+class SceneTable(Table):
+    """[scene]: what it is and how long it takes."""
+
+    name: str = key("", "Name in the output; left out: the file's name", example="hanging")
+    description: str = key("", "One line that says what the scene shows", example="A sheet hangs by two corners")
+    duration: float = key(1.0, "Simulated time; samples = round(duration * fps) + 1", unit="s", example=1.0)
+    fps: float = key(Settings.fps, "Frames per second", unit="1/s", example=60)
+    gravity: Vector | None = key(
+        None, "Acceleration of gravity; left out: 9.81 down", unit="m/s2", example=[0.0, 0.0, -9.81], words="3 numbers"
+    )
+    up_axis: Literal["Z", "Y"] = key("Z", "The axis that points up, here and in the output", example="Z")
+    meters_per_unit: float = key(
+        1.0, "Length of a unit of the USD output; the scene itself is in metres", unit="m", example=1.0
+    )
+
+
+class SolverTable(Table):
+    """[solver]: how it is solved; see `warpdeform.settings.Settings`."""
+
+    integrator: str = key(Settings.integrator, "Time integrator", example="bdf2")
+    substeps: int = key(Settings.substeps, "Steps per frame; dt = 1 / (fps * substeps)", example=1)
+    newton_iterations: int = key(
+        Settings.newton_iterations, "Newton iterations per step; 0 = to newton_tolerance", example=1
+    )
+    newton_tolerance: float = key(Settings.newton_tolerance, "Largest update, of the node spacing", example=1e-4)
+    cg_tolerance: float = key(Settings.cg_tolerance, "Drop of the residual in each linear solve", example=1e-2)
+    cg_iterations: int = key(Settings.cg_iterations, "Cap on the iterations of one linear solve", example=200)
+    preconditioner: str = key(Settings.preconditioner, "Preconditioner", example="auto")
+    precision: str = key(Settings.precision, "float32 or float64", example="float32")
+    device: str = key(Settings.device, "Device: auto, cpu, cuda:0, ...", example="auto")
+
+
+class HeldPathTable(PathTable):
+    """A motion of held nodes by keyframes, relative to where they start."""
+
+    pivot: Vector | None = key(
+        None, "Point that they turn about; left out: their middle", unit="m", example=[0.0, 0.0, 0.0], words="3 numbers"
+    )
+
+
+class PinTable(Table):
+    """Nodes that are held or led; `"corner:0,0"` is short for `{ nodes = "corner:0,0" }`."""
+
+    shorthand = "nodes"
+    nodes: Selector = key(..., "Which nodes", example="all", words=_SELECTOR)
+    path: HeldPathTable | None = key(None, "How they are led; left out: they stay where they are", words="a table")
+
+
+class SpringTable(Table):
+    """Springs of length zero from nodes to a point."""
+
+    nodes: Selector = key(..., "Which nodes", example="all", words=_SELECTOR)
+    stiffness: float = key(..., "Stiffness of the spring of each node", unit="N/m", example=100.0)
+    point: Vector | None = key(
+        None, "Where they pull to; left out: each node to its start", unit="m", example=[0, 0, 1], words="3 numbers"
+    )
+    path: HeldPathTable | None = key(None, "How that point moves; left out: it stays where it is", words="a table")
+
+
+class BodyTable(Table):
+    """[[body]]: a deformable surface, where it starts and what holds it."""
+
+    name: str = key("", "Name in the output; left out: body0, body1, ...", example="sheet")
+    kind: str = key("surface", "Kind of body", example="surface")
+    nodes: Annotated[list[int], Len(2, 2)] = key(..., "Nodes along u and v", example=[64, 64])
+    shape: ShapeTable = key(..., "Rest shape", example={"kind": "sheet"}, words="a table")
+    material: MaterialTable = key(..., "Preset, or numbers", example="cotton", words="a preset or a table of numbers")
+    position: Vector = key([0.0, 0.0, 0.0], "Where the rest shape's origin starts", unit="m", example=[0.0, 0.0, 1.0])
+    rotation: Vector = key([0.0, 0.0, 0.0], ROTATION, unit="degrees", example=[90.0, 0.0, 0.0])
+    velocity: Vector = key([0.0, 0.0, 0.0], "Velocity at the start", unit="m/s", example=[0.0, 0.0, -1.0])
+    pins: list[PinTable] = key([], "Held or led nodes", example=["corner:0,0"])
+    springs: list[SpringTable] = key([], "Springs from nodes to points")
+    drag: float = key(0.0, "Damping by mass, beside the material's own", unit="1/s", example=0.1)
+    wind_coefficient: float = key(1.0, "c of the wind's force c (n . v) n", unit="kg/(m2 s)", example=1.0)
+    color: Vector | None = key(None, "Colour, linear RGB", example=[0.55, 0.13, 0.11], words="3 numbers")
+    roughness: float | None = key(None, "Roughness, 0 (mirror) to 1 (matt)", example=0.7, words="a number")
+
+
+class WindTable(Table):
+    """[wind]: the stream of air; see `warpdeform.wind.Wind`."""
+
+    velocity: Vector = key(..., "Mean velocity", unit="m/s", example=[5.0, 0.0, 0.0])
+    gust: float = key(Wind.gust, "Strength of the gusts, as a share of the mean speed", example=0.3)
+    gust_length: float = key(Wind.gust_length, "Length of the longest gusts", unit="m", example=2.0)
+    gust_period: float = key(Wind.gust_period, "Time in which they renew themselves", unit="s", example=1.0)
+    seed: int = key(Wind.seed, "Which gusts: the same seed, the same wind", example=0)
+
+
+class OutputTable(Table):
+    """[output]: what is written when the command line does not say it."""
+
+    file: str = key("", "Where to; left out: the scene's name with .usdc", example="flag.usdc")
+
+
+class SceneFile(Table):
+    """A scene of warpdeform: SI units."""
+
+    scene: SceneTable = key(SceneTable(), "What it is and how long it takes", words="a table [scene]")
+    solver: SolverTable = key(SolverTable(), "How it is solved", words="a table [solver]")
+    body: Annotated[list[BodyTable], Len(1)] = key(
+        ...,
+        "Deformable bodies",
+        example=[{"nodes": [2, 2], "shape": {"kind": "sheet"}, "material": "cotton"}],
+        words="tables [[body]], at least one",
+    )
+    obstacle: list[AnyObstacleTable] = key([], "Obstacles", words="tables [[obstacle]]")
+    wind: WindTable | None = key(None, "Stream of air; left out: the air is at rest", words="a table [wind]")
+    output: OutputTable = key(OutputTable(), "What is written", words="a table [output]")
+
+
+def json_schema() -> dict[str, Any]:
+    """The JSON schema of a scene file, with the units of its keys."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **SceneFile.model_json_schema()}
