@@ -207,7 +207,7 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
         poses: wp.array(dtype=Pose),
         lagged_out: wp.array3d(dtype=real),
     ):
-        """Store the anchors at the accepted position, stretched to u0 at most."""
+        """Store the anchors at the accepted position, stretched to u0 at most; the step's friction is over."""
         row, column = wp.tid()
         i = row + 1
         j = column + halo
@@ -219,6 +219,7 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
             if o.lagged >= 0:
                 u = slip(o, poses[k], lagged_out, i, j, z, load3(start, 0, i, j))
                 store3(lagged_out, o.lagged + ANCHOR, i, j, (stick / wp.max(stick, wp.length(u))) * u)
+                store1(lagged_out, o.lagged + LOAD, i, j, zero)
 
     kernels.begin_friction, kernels.finish_friction = begin_friction, finish_friction
     return kernels

@@ -46,7 +46,7 @@ class LooseNodes:
         return wp.array(self.layout.pack(values), dtype=self.real, device=self.device)
 
     def download(self, array: wp.array) -> Points:
-        return self.layout.unpack(array.numpy().astype(np.float64))[:, 0]
+        return self.layout.unpack(array.numpy())[:, 0].astype(np.float64)
 
     def field(self, *obstacles: Obstacle) -> ObstacleField:
         speed = float(np.max(np.linalg.norm(self.velocity, axis=1)))
@@ -56,7 +56,7 @@ class LooseNodes:
         shape = (self.layout.rows, self.layout.columns)
         partials = wp.zeros(shape, dtype=wp.float64, device=self.device)
         field.add_energy(self, self.upload(z), partials)
-        return self.layout.unpack(partials.numpy()[None])[:, 0, 0]
+        return self.layout.unpack(partials.numpy()[None])[:, 0, 0].astype(np.float64)
 
     def gradient(self, field: ObstacleField, z: Points) -> Points:
         position, gradient = self.upload(z), self.upload(np.zeros_like(z))
@@ -99,7 +99,8 @@ class LooseNodes:
             self.iteration.fill_(iteration)
             slope = MASS / dt**2 * (z - target) + self.gradient(field, z)
             matrix = MASS / dt**2 * np.eye(3) + self.blocks(field)
-            d = self.guarded(field, z, -np.linalg.solve(matrix, slope[:, :, None])[:, :, 0])
+            newton: Points = -np.linalg.solve(matrix, slope[:, :, None])[:, :, 0]
+            d = self.guarded(field, z, newton)
             before, share = potential(z), np.ones(self.count)
             for _ in range(12):
                 enough = before + 1e-4 * share * np.minimum(np.sum(slope * d, axis=1), 0.0) + 1e-14

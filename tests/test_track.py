@@ -61,7 +61,7 @@ def test_a_pose_belongs_to_the_caller() -> None:
 def test_rotation_to_turns_z_to_the_normal(normal: tuple[float, float, float]) -> None:
     quaternion = rotation_to(normal)
     assert np.linalg.norm(quaternion) == pytest.approx(1.0)
-    np.testing.assert_allclose(rotation_matrix(quaternion)[:, 2], normal / np.linalg.norm(normal), atol=1e-9)
+    np.testing.assert_allclose(rotation_matrix(quaternion)[:, 2], np.array(normal) / np.linalg.norm(normal), atol=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -158,12 +158,13 @@ class Body:
             shape = self.initial_positions.shape
             remedy = f"Give finite positions of shape {self.shape.positions.shape}."
             mistakes.append(Mistake("initial_positions", shape, "does not fit the grid or is not finite", remedy))
-        for key, held in (("pins", self.pins), ("springs", self.springs)):
-            for index, item in enumerate(held):
-                try:
-                    select_nodes(item.nodes, nodes)
-                except InputError as error:
-                    mistakes += [Mistake(f"{key}.{index}", m.value, m.problem, m.remedy) for m in error.mistakes]
+        selectors = {f"pins.{index}": pin.nodes for index, pin in enumerate(self.pins)}
+        selectors |= {f"springs.{index}": spring.nodes for index, spring in enumerate(self.springs)}
+        for key, selector in selectors.items():
+            try:
+                select_nodes(selector, nodes)
+            except InputError as error:
+                mistakes += [Mistake(key, m.value, m.problem, m.remedy) for m in error.mistakes]
         if mistakes:
             raise InputError(mistakes)
 

@@ -97,7 +97,8 @@ class Layout:
         packed[:, 1 : 1 + values.shape[0], self.halo : self.halo + values.shape[1]] = np.moveaxis(values, 2, 0)
         return packed
 
-    def unpack(self, packed: NDArray[np.generic], nodes: tuple[int, int] | None = None) -> NDArray[np.generic]:
-        """The inverse of `pack`: (n, rows, columns) to a fresh array (nu, nv, n)."""
-        nu, nv = nodes or self.nodes
-        return np.moveaxis(packed[:, 1 : 1 + nu, self.halo : self.halo + nv], 0, 2).copy()
+    def unpack(self, packed: NDArray[np.generic], samples: tuple[int, int] | None = None) -> NDArray[np.float64]:
+        """The inverse of `pack`: (n, rows, columns) to a fresh array (nu, nv, n), or of fewer `samples` than nodes."""
+        nu, nv = samples or self.nodes
+        values = np.moveaxis(packed[:, 1 : 1 + nu, self.halo : self.halo + nv], 0, 2)
+        return np.array(values, dtype=np.float64, order="C")

@@ -90,7 +90,7 @@ class Model:
             points = self.initial_positions[pairs[:, 0], pairs[:, 1]]
             if pin.track is not None:
                 position, rotation = pin.track.pose(time)
-                points = position + rotate(rotation, points)
+                points = np.add(position, rotate(rotation.tolist(), points))
             self._targets[pairs[:, 0], pairs[:, 1]] = points
         return self._targets
 

@@ -22,9 +22,9 @@ SIZES: dict[str, tuple[str, ...]] = {
 }
 """Kinds of obstacles and their sizes [m], in the obstacle's own frame.
 
-plane: z = 0, outside is z > 0. box: full lengths (x, y, z) about the origin. capsule, cylinder, cone: along z, the origin
-in the middle of `height`, which for the capsule leaves out the caps; the cone's tip is up. torus: around z. mesh: vertices
-as they are. The same conventions as USD's primitives, so that they can be written as such.
+plane: z = 0, outside is z > 0. box: full lengths (x, y, z) about the origin. capsule, cylinder, cone: along z, the
+origin in the middle of `height`, which for the capsule leaves out the caps; the cone's tip is up. torus: around z.
+mesh: vertices as they are. The same conventions as USD's primitives, so that they can be written as such.
 """
 
 _EXAMPLES = {"radius": "0.3", "size": "[1.0, 1.0, 0.1]", "height": "1.0", "tube_radius": "0.05"}
@@ -74,7 +74,7 @@ class Obstacle:
     gap: float = 0.002
     thickness: float = 0.0
     vertices: NDArray[np.float64] | None = None
-    faces: NDArray[np.int64] | None = None
+    faces: NDArray[np.integer] | None = None
     color: tuple[float, float, float] = (0.36, 0.38, 0.41)
     roughness: float = 0.6
 

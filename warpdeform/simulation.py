@@ -273,7 +273,7 @@ class BodyHandle:
         q = self.model.zeros(5)
         self.elasticity.measure(self.state.x, q, self.model.zeros(3))
         nu, nv = self.nodes
-        s, t, c, u, v = np.moveaxis(self.model.layout.unpack(q.numpy(), (nu - 1, nv - 1)).astype(np.float64), -1, 0)
+        s, t, c, u, v = np.moveaxis(self.model.layout.unpack(q.numpy(), (nu - 1, nv - 1)), -1, 0)
         h1, h2 = self.model.grid.spacing
         # Squared lengths of the two u-edges of a cell are (s + t)/2 -+ (u + v)/2, of the v-edges (s - t)/2 -+ (u - v)/2.
         g11 = np.concatenate([0.5 * (s + t - u - v), 0.5 * (s + t + u + v)[:, -1:]], axis=1) / h1**2
@@ -290,21 +290,21 @@ class BodyHandle:
             raise ValueError(f"body {self.name!r} is a membrane without bending; give its material a bending stiffness")
         b = self.model.zeros(3)
         self.elasticity.measure(self.state.x, self.model.zeros(5), b)
-        b11, b22, b12 = np.moveaxis(self.model.download(b).astype(np.float64), -1, 0)
+        b11, b22, b12 = np.moveaxis(self.model.download(b), -1, 0)
         h1, h2 = self.model.grid.spacing
         return Curvature(b11[1:-1] / h1**2, b12[:-1, :-1] / (h1 * h2), b22[:, 1:-1] / h2**2)
 
     def max_stretch(self) -> float:
         """Longest edge over its rest length."""
-        return self.model.max_stretch(self.positions().astype(np.float64))
+        return self.model.max_stretch(self.positions())
 
     def add_energies(self, energy: Energy) -> None:
         """Add this body's energies [J] to `energy`."""
-        velocity = self.velocities().astype(np.float64)
+        velocity = self.velocities()
         energy.kinetic += float(0.5 * np.sum(self.model.node_mass[..., None] * velocity**2))
         for term in self.terms:
             if term.energy_kind == "gravity":
-                heights = self.positions().astype(np.float64) @ np.asarray(self.state_gravity)
+                heights = self.positions() @ np.asarray(self.state_gravity)
                 energy.gravity -= float(np.sum(self.model.node_mass * heights))
             elif term.energy_kind:
                 self.state.partials.zero_()
@@ -408,7 +408,7 @@ def find_device(name: str) -> Any:
     Raises:
         InputError: There is no such device; the message lists those that exist.
     """
-    wp.config.quiet = True
+    vars(wp.config)["quiet"] = True
     wp.init()
     if name == "auto":
         return wp.get_preferred_device()

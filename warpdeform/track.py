@@ -1,6 +1,5 @@
 """Rigid motions given by keyframes: the poses of obstacles, the paths of pins."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,21 +67,21 @@ class Track:
             object.__setattr__(self, name, value)
 
     @classmethod
-    def fixed(cls, position: Sequence[float] = (0.0, 0.0, 0.0), rotation: Sequence[float] = _IDENTITY) -> "Track":
+    def fixed(cls, position: ArrayLike = (0.0, 0.0, 0.0), rotation: ArrayLike = _IDENTITY) -> "Track":
         """A pose that never changes: position [m] and quaternion (x, y, z, w)."""
-        return cls([0.0], [position], [rotation])
+        return cls([0.0], [np.asarray(position)], [np.asarray(rotation)])
 
     @classmethod
     def line(
         cls,
-        start: Sequence[float],
-        end: Sequence[float],
+        start: ArrayLike,
+        end: ArrayLike,
         start_time: float,
         end_time: float,
-        rotation: Sequence[float] = _IDENTITY,
+        rotation: ArrayLike = _IDENTITY,
     ) -> "Track":
         """A straight way at constant speed from `start` to `end` [m] between two times [s]."""
-        return cls([start_time, end_time], [start, end], [rotation, rotation])
+        return cls([start_time, end_time], np.stack([start, end]), np.stack([rotation, rotation]))
 
     @property
     def static(self) -> bool:
@@ -170,7 +169,7 @@ def _between(a: NDArray[np.float64], b: NDArray[np.float64], share: float) -> ND
     return multiply(from_rotation_vector(share * to_rotation_vector(multiply(b, conjugate))), a)
 
 
-def rotation_to(normal: Sequence[float]) -> NDArray[np.float64]:
+def rotation_to(normal: ArrayLike) -> NDArray[np.float64]:
     """The quaternion (x, y, z, w) of the shortest turn of the z axis to `normal` (any length but zero).
 
     Raises:

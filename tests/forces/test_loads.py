@@ -1,4 +1,4 @@
-"""The loads as the solver sees them: potential, gradient and blocks agree; closed forms of gravity, wind, drag, springs."""
+"""The loads as the solver sees them: potential, gradient and blocks agree; closed forms."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -55,12 +55,12 @@ class SheetArrays:
         return wp.array(self.layout.pack(values), dtype=self.real, device=self.device)
 
     def download(self, array: wp.array) -> Field:
-        return self.layout.unpack(array.numpy().astype(np.float64))
+        return np.asarray(self.layout.unpack(array.numpy()), dtype=np.float64)
 
     def energies(self, force: Force, z: Field) -> Field:
         partials = wp.zeros((self.layout.rows, self.layout.columns), dtype=wp.float64, device=self.device)
         force.add_energy(self, self.upload(z), partials)
-        return self.layout.unpack(partials.numpy()[None])[..., 0]
+        return np.asarray(self.layout.unpack(partials.numpy()[None])[..., 0], dtype=np.float64)
 
     def gradient(self, force: Force, z: Field) -> Field:
         out = self.upload(np.zeros((*self.nodes, 3)))
@@ -219,7 +219,7 @@ def test_drag_slows_down_by_its_rate() -> None:
 
 def test_springs_pull_to_their_moving_points() -> None:
     body = SheetArrays((3, 5))
-    turn = Track([0.0, 1.0], [[0, 0, 0], [0, 0, 2.0]], [[0, 0, 0, 1], [0, 0, np.sqrt(0.5), np.sqrt(0.5)]])
+    turn = Track([0.0, 1.0], np.array([[0, 0, 0], [0, 0, 2.0]]), np.sqrt([[0, 0, 0, 1.0], [0, 0, 0.5, 0.5]]))
     force = Springs(body, [Spring("all", 30.0, track=turn), Spring("corner:0,0", 70.0, point=(1, 1, 1))], body.rest)
     force.prepare(1.0, TAU, TAU)
     points = np.stack([-body.rest[..., 1], body.rest[..., 0], body.rest[..., 2] + 2.0], axis=-1)
@@ -232,13 +232,15 @@ def test_springs_pull_to_their_moving_points() -> None:
 
 def test_gusts_blow_as_described_however_long_the_run() -> None:
     wind = Wind((6.0, 0.0, 1.0), gust=0.3, gust_length=0.9, seed=4)
-    for real, tolerance in ((wp.float64, 1e-11), (wp.float32, 3e-5)):
+    for real, tolerance in ((wp.float64, 1e-9), (wp.float32, 3e-5)):
         body = SheetArrays((4, 9), real)
         force = WindLoad(body, wind, 1.0)
         for time in (0.0, 0.3, 3600.0):
             force.prepare(time, TAU, TAU)
             force.linearise(body, body.x)
-            assert np.abs(body.download(force.stream) - wind.stream(body.start, time)).max() < tolerance
+            facing = body.download(force.facing)
+            along = np.sum(facing[..., :3] * wind.stream(body.start, time), axis=-1)
+            assert np.abs(facing[..., 3] - along).max() < tolerance
 
 
 def test_terms_replay_in_a_graph_with_the_numbers_of_each_step() -> None:
@@ -269,7 +271,7 @@ def test_only_what_a_scene_requires_is_kept() -> None:
     body = SheetArrays((4, 9), wp.float32, 16)
     one_array = 4 * body.layout.rows * body.layout.columns
     steady, gusting = steady_wind(body), gusting_wind(body)
-    assert gusting.bytes() - steady.bytes() == 3 * one_array + 4 * 12 * 7
+    assert gusting.bytes() - steady.bytes() == 4 * 12 * 7
     assert 4 * one_array < steady.bytes() < 4.7 * one_array
     assert gravity(body).bytes() == 12
     assert not any("gusts" in kernel for kernel in steady.kernels)

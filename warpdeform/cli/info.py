@@ -26,7 +26,7 @@ def info(
 
         found = simulation_of(built).info()
     if as_json:
-        print_json({"scene": built.name, **dataclasses.asdict(found)})
+        print_json({"scene": built.name, **dataclasses.asdict(found), "bytes_total": found.bytes_total})
         return
     for line in found.lines():
         typer.echo(line)

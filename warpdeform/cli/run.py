@@ -33,8 +33,8 @@ def run(
 ) -> None:
     """Simulate a scene and write its frames.
 
-    Exit codes: 0 done, 1 the simulation failed, 2 wrong usage or scene, 130 interrupted. The file holds the frames until
-    a failure or an interruption.
+    Exit codes: 0 done, 1 the simulation failed, 2 wrong usage or scene, 130 interrupted. After a failure or an
+    interruption the file holds the frames until then.
     """
     with stdout_for_json(as_json), stopping() as stop:
         built = asked_scene(

@@ -57,8 +57,8 @@ class SurfaceElasticity(Force):
         self.flexure = scratch(kernels.FLEXURE_COMPONENTS, self.bending)
         self.scatter = scratch(kernels.SCATTER_COMPONENTS, self.bending)
         alpha_u, alpha_v = difference_weights(grid, layout)
-        self.alpha_u = wp.array(alpha_u, dtype=real, device=device)
-        self.alpha_v = wp.array(alpha_v, dtype=real, device=device)
+        self.alpha_u: wp.array = wp.array(alpha_u, dtype=real, device=device)
+        self.alpha_v: wp.array = wp.array(alpha_v, dtype=real, device=device)
         self._cell_floor, self._node_floor = real(self.stiffness.cell_floor), real(self.stiffness.node_floor)
         self.measure(upload(rest), self.q0, self.b0)
 

@@ -13,20 +13,18 @@ from warpdeform.wind import Wind
 class WindLoad(Force):
     """Force c A (n.v) n with v = u - (z - w)/tau, on the current normal n and the node's share A of the rest area.
 
-    n follows the iterate in the first three Newton iterations of a stage and is then frozen; a gusting stream u is
-    taken at the first iterate of a stage (the predicted position, so that the order of the integrator is kept). With
-    both frozen the force is the exact gradient of (c A tau/2) (n.v)^2, here relative to a node at rest, z = w.
+    n, and u where the wind gusts, follow the iterate in the first three Newton iterations of a stage and are then frozen
+    (taken at iterates and not where the step began, they keep the order of the integrator). With both frozen the force is the exact gradient of (c A tau/2) (n.v)^2, here relative to a node at rest, z = w.
 
-    The pressure of air on a sheet is (rho/2) Cd |n.v| n.v, with rho = 1.2 kg/m3 and Cd = 1.2 broadside on: the linear law
-    meets it where c = 0.7 kg/m3 times |n.v|. c = 2 kg/(m2 s) belongs to the 3 m/s at which a flag slips through a wind of
-    5 to 8 m/s: a cotton flag of 1.5 m then stands out and beats two to three times a second. Larger c makes it stiffer
-    and faster (8: 6 Hz in a steady wind of 6 m/s), smaller lets it hang (0.5).
+    The pressure of air on a sheet is (rho/2) Cd |n.v| n.v, with rho = 1.2 kg/m3 and Cd = 1.2 broadside on: the linear
+    law meets it where c = 0.7 kg/m3 times |n.v|. c = 2 kg/(m2 s) belongs to the 3 m/s at which a flag slips through a
+    wind of 5 to 8 m/s: a cotton flag of 1.5 m then stands out and beats two to three times a second. Larger c makes it
+    stiffer and faster (8: 6 Hz in a steady wind of 6 m/s), smaller lets it hang (0.5).
 
     Attributes:
         wind: Velocity of the air.
         coefficient: c [kg/(m2 s)]; may be changed between steps.
         facing: Unit normal and stream along it [m/s], shape (4, rows, columns).
-        stream: Velocity of the air at the nodes [m/s], shape (3, rows, columns); only where the wind gusts.
     """
 
     name = "wind"
@@ -58,48 +56,38 @@ class WindLoad(Force):
         self._gusting = air.gusting
         if self._gusting:
             self._waves = air.waves()
-            table = np.hstack([self._waves.wave_vectors, self._waves.amplitudes])
+            table = np.hstack([self._waves.wave_vectors / (2.0 * np.pi), self._waves.amplitudes])
             self._wave_table: wp.array = wp.array(table, dtype=real, device=device)
-            self._phases = Parameters(self._waves.phases_at(0.0), real, device)
-            self.stream: wp.array = wp.zeros((3, layout.rows, layout.columns), dtype=real, device=device)
+            self._turns = Parameters(self._waves.turns_at(0.0), real, device)
             self._gust_kernels = gusts(body.lane_width, real)
 
     @property
     def kernels(self) -> tuple[str, ...]:
-        facing = ("gusts.blow", "gusts.face_gusts") if self._gusting else ("wind.face_stream",)
-        return (*facing, "wind.add_energy", "wind.add_gradient", "wind.add_blocks")
+        facing = "gusts.face_gusts" if self._gusting else "wind.face_stream"
+        return (facing, "wind.add_energy", "wind.add_gradient", "wind.add_blocks")
 
     def bytes(self) -> int:
         arrays = [self._slopes_u, self._slopes_v, self.facing]
         parameters = [self._air, self._mean]
         if self._gusting:
-            arrays += [self._wave_table, self.stream]
-            parameters.append(self._phases)
+            arrays.append(self._wave_table)
+            parameters.append(self._turns)
         return sum(int(array.capacity) for array in arrays) + sum(each.bytes() for each in parameters)
 
     def prepare(self, time: float, dt: float, tau: float) -> None:
         self._air.write([self.coefficient, 1.0 / tau])
         self._mean.write(self.wind.mean(time))
         if self._gusting:
-            self._phases.write(self._waves.phases_at(time))
+            self._turns.write(self._waves.turns_at(time))
 
     def linearise(self, body: BodyArrays, position: wp.array) -> None:
-        face, stream = self._kernels.face_stream, self._mean.array
+        face, stream = self._kernels.face_stream, [self._mean.array]
         if self._gusting:
-            face, stream = self._gust_kernels.face_gusts, self.stream
-            wp.launch(
-                self._gust_kernels.blow,
-                dim=body.layout.nodes,
-                inputs=[
-                    body.iteration, body.layout.halo, position, self._mean.array, self._wave_table, self._phases.array,
-                ],
-                outputs=[stream],
-                device=body.device,
-            )  # fmt: skip
+            face, stream = self._gust_kernels.face_gusts, [self._mean.array, self._wave_table, self._turns.array]
         wp.launch(
             face,
             dim=body.layout.lane_dim,
-            inputs=[body.iteration, LAGGED_ITERATIONS, position, self._slopes_u, self._slopes_v, stream],
+            inputs=[body.iteration, LAGGED_ITERATIONS, position, self._slopes_u, self._slopes_v, *stream],
             outputs=[self.facing],
             device=body.device,
         )

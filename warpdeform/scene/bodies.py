@@ -89,12 +89,14 @@ def _held(
     made = []
     for index, table in enumerate(tables):
         here = (*at, index)
-        points = start.reshape(-1, 3)
+        points = None
         with collector.at(here):
             nodes = select_nodes(table.nodes, (start.shape[0], start.shape[1]))
             points = start[nodes[:, 0], nodes[:, 1]]
         with collector.at(here):
-            made.append(make(table, points, here, collector))
+            held = make(table, start.reshape(-1, 3) if points is None else points, here, collector)
+            if points is not None:
+                made.append(held)
     return tuple(made)
 
 

@@ -116,7 +116,7 @@ def _kinds(what: str, base: type[Table], tables: dict[str, tuple[str, dict[str, 
     """
     models = []
     for kind, (description, keys) in tables.items():
-        own = {"kind": (Literal[kind], key(..., f"Kind of {what}", example=kind)), **keys}  # type: ignore[valid-type]
+        own = {"kind": (Literal[kind], key(..., f"Kind of {what}", example=kind)), **keys}
         name = "".join(word.capitalize() for word in f"{kind}-{what}".split("-"))
         models.append(_table(name, base, description, own))
     return Annotated[reduce(or_, models), Field(discriminator="kind")]

@@ -70,14 +70,14 @@ class PinTable(Table):
     """Nodes that are held or led; `"corner:0,0"` is short for `{ nodes = "corner:0,0" }`."""
 
     shorthand = "nodes"
-    nodes: Selector = key(..., "Which nodes", example="all", words=_SELECTOR)
+    nodes: Selector = key(..., "Which nodes", example="corner:0,0", words=_SELECTOR)
     path: HeldPathTable | None = key(None, "How they are led; left out: they stay where they are", words="a table")
 
 
 class SpringTable(Table):
     """Springs of length zero from nodes to a point."""
 
-    nodes: Selector = key(..., "Which nodes", example="all", words=_SELECTOR)
+    nodes: Selector = key(..., "Which nodes", example="corner:0,0", words=_SELECTOR)
     stiffness: float = key(..., "Stiffness of the spring of each node", unit="N/m", example=100.0)
     point: Vector | None = key(
         None, "Where they pull to; left out: each node to its start", unit="m", example=[0, 0, 1], words="3 numbers"

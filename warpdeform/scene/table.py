@@ -31,7 +31,7 @@ def key(
         words: What it must be, where its type does not say it well.
         remedy: What to write instead of a bad value, where an example does not say it well.
     """
-    extra = {name: text for name, text in (("unit", unit), ("words", words), ("remedy", remedy)) if text}
+    extra: Any = {name: text for name, text in (("unit", unit), ("words", words), ("remedy", remedy)) if text}
     examples = None if example is None else [example]
     return Field(default, description=description, examples=examples, json_schema_extra=extra or None)
 

@@ -36,11 +36,11 @@ def schema_errors(path: str | Path) -> list[str]:
 def check_stage(path: str | Path, tolerance: float = 0.1) -> list[str]:
     """Check the units, times and samples of a file.
 
-    Units, the default prim and, where something moves, the rates are authored; topology is constant and sound; every sampled attribute has one
-    sample at each time code from the stage's first to its last; all numbers are finite; extents are those of the
-    points; normals have length 1 and lie on the side of the winding; closed meshes enclose a positive volume;
-    velocities agree with the motion of the points. Frames are read one after the other, so memory does not grow with
-    their number.
+    Units, the default prim and, where something moves, the rates are authored; topology is constant and sound; every
+    sampled attribute has one sample at each time code from the stage's first to its last; all numbers are finite;
+    extents are those of the points; normals have length 1 and lie on the side of the winding; closed meshes enclose a
+    positive volume; velocities agree with the motion of the points. Frames are read one after the other, so memory
+    does not grow with their number.
 
     Args:
         path: A USD file.

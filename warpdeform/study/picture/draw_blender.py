@@ -23,8 +23,8 @@ except ImportError as error:
     print(f"cannot import bpy: {error}", file=sys.stderr)
     sys.exit(3)
 
-GROUND_COLOR = (0.50, 0.49, 0.475)
-BACKDROP_LOW, BACKDROP_HIGH = (0.66, 0.67, 0.69), (0.36, 0.42, 0.52)
+GROUND_COLOR = (0.58, 0.565, 0.545)
+BACKDROP_LOW, BACKDROP_HIGH = (0.80, 0.80, 0.80), (0.50, 0.56, 0.66)
 """Linear RGB that the camera sees behind everything, at the horizon and overhead."""
 SKY_LOW, SKY_HIGH = (0.62, 0.62, 0.63), (0.62, 0.74, 0.95)
 """Linear RGB of the light from the sky, at the horizon and overhead."""
@@ -94,7 +94,7 @@ def cloth(item: dict[str, Any]) -> Any:
     soft = (1.0 - item["metallic"]) * min(1.0, item["roughness"] / 0.8)
     surface = nodes.add("BsdfPrincipled", {
         "Base Color": color, "Roughness": item["roughness"], "Metallic": item["metallic"],
-        "Specular IOR Level": 0.5 - 0.3 * soft, "Sheen Weight": 0.25 * soft, "Sheen Roughness": 0.45,
+        "Specular IOR Level": 0.5 - 0.3 * soft, "Sheen Weight": 0.12 * soft, "Sheen Roughness": 0.45,
     })  # fmt: skip
     through = nodes.add("BsdfTranslucent", {"Color": color})
     mixed = nodes.add("MixShader", {0: 0.16 * soft, 1: surface.outputs[0], 2: through.outputs[0]})
@@ -143,7 +143,7 @@ def add_sky() -> None:
     up = nodes.add("MapRange", {"Value": height, "From Min": 0.0, "From Max": 0.9}).outputs[0]
     light = nodes.add("MixRGB", {"Fac": up, "Color1": SKY_LOW, "Color2": SKY_HIGH})
     seen = nodes.add("MixRGB", {"Fac": up, "Color1": BACKDROP_LOW, "Color2": BACKDROP_HIGH})
-    lighting = nodes.add("Background", {"Color": light.outputs[0], "Strength": 0.75})
+    lighting = nodes.add("Background", {"Color": light.outputs[0], "Strength": 0.6})
     backdrop = nodes.add("Background", {"Color": seen.outputs[0], "Strength": 1.0})
     camera = nodes.add("LightPath").outputs["Is Camera Ray"]
     mixed = nodes.add("MixShader", {0: camera, 1: lighting.outputs[0], 2: backdrop.outputs[0]})
@@ -176,7 +176,7 @@ def prepare_renderer(job: dict[str, Any]) -> None:
     scene.render.engine = "CYCLES"
     cycles = scene.cycles
     cycles.device, cycles.samples, cycles.seed = "CPU", job["samples"], 0
-    cycles.use_adaptive_sampling, cycles.adaptive_threshold = True, 0.02
+    cycles.use_adaptive_sampling, cycles.adaptive_threshold, cycles.adaptive_min_samples = True, 0.1, 8
     cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces = 6, 3, 2
     cycles.transmission_bounces, cycles.transparent_max_bounces = 2, 8
     cycles.use_denoising = bool(bpy.app.build_options.cycles) and job["denoise"]
@@ -201,7 +201,7 @@ def main(folder: Path) -> None:
     add_sky()
     add_ground(job["ground"], job["middle"], job["extent"])
     azimuth = job["azimuth"]
-    add_sun("key", azimuth - 70.0, 42.0, 2.9, 14.0, KEY_COLOR)
+    add_sun("key", azimuth - 70.0, 42.0, 3.7, 8.0, KEY_COLOR)
     add_sun("rim", azimuth + 150.0, 30.0, 0.9, 20.0, RIM_COLOR)
     add_camera(job["view"])
     for frame in job["frames"]:
