@@ -39,6 +39,8 @@ class LooseNodes:
         self.area = self.mass
         self.free = self.upload(np.ones((self.count, 1)))
         self.iteration = wp.zeros(1, dtype=int, device=self.device)
+        shape = (self.layout.rows, self.layout.columns)
+        self.partials: wp.array = wp.zeros(shape, dtype=wp.float64, device=self.device)
         self.time = 0.0
 
     def upload(self, values: NDArray[np.float64]) -> wp.array:
@@ -53,10 +55,9 @@ class LooseNodes:
         return ObstacleField(self, obstacles, tuple(self.gravity), self.position[:, None], speed)
 
     def energies(self, field: ObstacleField, z: Points) -> Points:
-        shape = (self.layout.rows, self.layout.columns)
-        partials = wp.zeros(shape, dtype=wp.float64, device=self.device)
-        field.add_energy(self, self.upload(z), partials)
-        return self.layout.unpack(partials.numpy()[None])[:, 0, 0].astype(np.float64)
+        self.partials.zero_()
+        field.add_energy(self, self.upload(z), self.partials)
+        return self.layout.unpack(self.partials.numpy()[None])[:, 0, 0].astype(np.float64)
 
     def gradient(self, field: ObstacleField, z: Points) -> Points:
         position, gradient = self.upload(z), self.upload(np.zeros_like(z))

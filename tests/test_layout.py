@@ -37,7 +37,7 @@ FLOORS = (
     },
     {"forces", "linear"},
     {"integrators"},
-    {"scene", "usd", "simulation"},
+    {"scene", "usd", "simulation", "handle", "information"},
     {"cli", "viewer", "study", "bench", "__main__"},
 )
 """Modules by floor (design 3.2): a module imports its own floor and those below."""

@@ -135,7 +135,7 @@ class Body:
     pins: tuple[Pin, ...] = ()
     springs: tuple[Spring, ...] = ()
     drag: float = 0.0
-    wind_coefficient: float = 1.0
+    wind_coefficient: float = 2.0
     color: tuple[float, float, float] = (0.55, 0.13, 0.11)
     roughness: float = 0.7
     nodes: tuple[int, int] = field(init=False)

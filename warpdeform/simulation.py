@@ -2,33 +2,24 @@
 
 import time as clock
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
 from warpdeform.body import Body
+from warpdeform.device import find_device
 from warpdeform.errors import InputError, Mistake, SimulationFailure
-from warpdeform.forces.drag import Drag
-from warpdeform.forces.force import Force
-from warpdeform.forces.gravity import Gravity
-from warpdeform.forces.obstacle_field import ObstacleField
-from warpdeform.forces.springs import Springs
-from warpdeform.forces.surface_elasticity import SurfaceElasticity
-from warpdeform.forces.wind_load import WindLoad
+from warpdeform.handle import BodyHandle
+from warpdeform.information import BodyInfo, SimulationInfo, TermInfo
 from warpdeform.integrators import INTEGRATORS
 from warpdeform.integrators.newton import NewtonSolver
 from warpdeform.linear import PRECONDITIONERS
-from warpdeform.model import Model
 from warpdeform.obstacle import Obstacle
 from warpdeform.result import Energy, Outcome, RunRecord, StepRecord
 from warpdeform.settings import Settings
-from warpdeform.state import State
 from warpdeform.wind import Wind
-
-Array = NDArray[np.float64]
 
 
 class Simulation:
@@ -66,7 +57,10 @@ class Simulation:
         self.integrator = INTEGRATORS[self.settings.integrator]()
         self._captured = captured
         self._iteration: wp.array = wp.zeros(1, dtype=wp.int32, device=self.device)
-        self.bodies = tuple(BodyHandle(self, body, lane_width) for body in bodies)
+        self.bodies = tuple(
+            BodyHandle(body, self.obstacles, wind, self.settings, self.device, self._iteration, lane_width)
+            for body in bodies
+        )
         states = [handle.state for handle in self.bodies]
         self._solver = NewtonSolver(states, [handle.terms for handle in self.bodies], self.settings, self._iteration)
         self._graph: Any = None
@@ -101,7 +95,7 @@ class Simulation:
         """Whole frames advanced since the start."""
         return self._steps // self.settings.substeps
 
-    def __getitem__(self, name: str) -> "BodyHandle":
+    def __getitem__(self, name: str) -> BodyHandle:
         """The body of that name."""
         for handle in self.bodies:
             if handle.name == name:
@@ -160,7 +154,7 @@ class Simulation:
             handle.add_energies(energy)
         return replace(self._record, frames=self.frame + 1, sim_s=self.time, energy=energy)
 
-    def info(self) -> "SimulationInfo":
+    def info(self) -> SimulationInfo:
         """Terms, kernels and bytes of every body."""
         bodies = []
         for handle in self.bodies:
@@ -200,225 +194,6 @@ class Simulation:
             cause="the potential of the step overflowed although every position is finite",
             remedy="Use precision float64, or check masses, stiffnesses and wind for absurd values.",
         )
-
-
-class BodyHandle:
-    """One body of a simulation: its arrays and what can be measured on it.
-
-    Attributes:
-        body: What the user described.
-        model: Its constants on the device.
-        state: Its state on the device.
-        terms: Its energies and loads.
-    """
-
-    def __init__(self, simulation: Simulation, body: Body, lane_width: int | None) -> None:
-        settings = simulation.settings
-        self.body = body
-        self.model = Model(body, settings.precision, simulation.device, lane_width)
-        self.state = State(self.model, simulation._iteration)
-        model, state = self.model, self.state
-        rest = body.shape.positions
-        self.elasticity = SurfaceElasticity(
-            model.grid, model.layout, rest, body.material, model.real, simulation.device
-        )
-        terms: list[Force] = [self.elasticity]
-        if any(settings.gravity):
-            terms.append(Gravity(state, settings.gravity))
-        if body.springs:
-            terms.append(Springs(state, body.springs, model.initial_positions))
-        if body.drag + body.material.damping > 0:
-            terms.append(Drag(state, body.drag + body.material.damping))
-        if simulation.wind is not None and body.wind_coefficient > 0:
-            terms.append(WindLoad(state, simulation.wind, body.wind_coefficient, model.grid.periodic))
-        if simulation.obstacles:
-            speed = float(np.linalg.norm(body.velocity))
-            positions = model.initial_positions
-            terms.append(ObstacleField(state, simulation.obstacles, settings.gravity, positions, speed))
-        self.terms = tuple(terms)
-
-    @property
-    def name(self) -> str:
-        """Name in files and messages."""
-        return self.body.name
-
-    @property
-    def nodes(self) -> tuple[int, int]:
-        """Nodes along u and v."""
-        return self.body.nodes
-
-    @property
-    def rest_positions(self) -> Array:
-        """Rest positions [m], shape (nu, nv, 3)."""
-        return self.body.shape.positions
-
-    @property
-    def position_array(self) -> wp.array:
-        """Live positions [m] on the device, components first, with halo: shape (3, rows, columns).
-
-        Node (i, j) lies at ``[:, i + 1, j + layout.halo]``. Kernels and DLPack see the array without a copy.
-        """
-        return self.state.x
-
-    def positions(self) -> Array:
-        """Positions [m], shape (nu, nv, 3), a copy on the host."""
-        return self.model.download(self.state.x)
-
-    def velocities(self) -> Array:
-        """Velocities [m/s], shape (nu, nv, 3), a copy on the host."""
-        return self.model.download(self.state.v)
-
-    def metric(self) -> "Metric":
-        """The metric tensor G at its samples, from the same operators as the energy (paper, first fundamental form)."""
-        q = self.model.zeros(5)
-        self.elasticity.measure(self.state.x, q, self.model.zeros(3))
-        nu, nv = self.nodes
-        s, t, c, u, v = np.moveaxis(self.model.layout.unpack(q.numpy(), (nu - 1, nv - 1)), -1, 0)
-        h1, h2 = self.model.grid.spacing
-        # Squared lengths of the two u-edges of a cell are (s + t)/2 -+ (u + v)/2, of the v-edges (s - t)/2 -+ (u - v)/2.
-        g11 = np.concatenate([0.5 * (s + t - u - v), 0.5 * (s + t + u + v)[:, -1:]], axis=1) / h1**2
-        g22 = np.concatenate([0.5 * (s - t - u + v), 0.5 * (s - t + u - v)[-1:]], axis=0) / h2**2
-        return Metric(g11, 0.5 * c / (h1 * h2), g22)
-
-    def curvature(self) -> "Curvature":
-        """The curvature tensor B at its samples (paper, second fundamental form), with n along r_u x r_v.
-
-        Raises:
-            ValueError: The body is a membrane; it has no bending and so no curvature operator.
-        """
-        if not self.elasticity.bending:
-            raise ValueError(f"body {self.name!r} is a membrane without bending; give its material a bending stiffness")
-        b = self.model.zeros(3)
-        self.elasticity.measure(self.state.x, self.model.zeros(5), b)
-        b11, b22, b12 = np.moveaxis(self.model.download(b), -1, 0)
-        h1, h2 = self.model.grid.spacing
-        return Curvature(b11[1:-1] / h1**2, b12[:-1, :-1] / (h1 * h2), b22[:, 1:-1] / h2**2)
-
-    def max_stretch(self) -> float:
-        """Longest edge over its rest length."""
-        return self.model.max_stretch(self.positions())
-
-    def add_energies(self, energy: Energy) -> None:
-        """Add this body's energies [J] to `energy`."""
-        velocity = self.velocities()
-        energy.kinetic += float(0.5 * np.sum(self.model.node_mass[..., None] * velocity**2))
-        for term in self.terms:
-            if term.energy_kind == "gravity":
-                heights = self.positions() @ np.asarray(self.state_gravity)
-                energy.gravity -= float(np.sum(self.model.node_mass * heights))
-            elif term.energy_kind:
-                self.state.partials.zero_()
-                term.add_energy(self.state, self.state.x, self.state.partials)
-                total = float(self.state.partials.numpy().sum())
-                setattr(energy, term.energy_kind, getattr(energy, term.energy_kind) + total)
-
-    @property
-    def state_gravity(self) -> tuple[float, ...]:
-        """Acceleration of gravity that this body feels [m/s2]."""
-        return next((tuple(t.acceleration) for t in self.terms if isinstance(t, Gravity)), (0.0, 0.0, 0.0))
-
-
-@dataclass(frozen=True)
-class Metric:
-    """Metric tensor at its samples, in parameter units.
-
-    Attributes:
-        G11: On the u-edges, shape (nu - 1, nv).
-        G12: At the cells, shape (nu - 1, nv - 1).
-        G22: On the v-edges, shape (nu, nv - 1).
-    """
-
-    G11: Array
-    G12: Array
-    G22: Array
-
-
-@dataclass(frozen=True)
-class Curvature:
-    """Curvature tensor at its samples [m over parameter units squared].
-
-    Attributes:
-        B11: At the nodes that have both u-neighbours, shape (nu - 2, nv).
-        B12: At the cells, shape (nu - 1, nv - 1).
-        B22: At the nodes that have both v-neighbours, shape (nu, nv - 2).
-    """
-
-    B11: Array
-    B12: Array
-    B22: Array
-
-
-@dataclass(frozen=True)
-class TermInfo:
-    """A term: its name, kernels and memory [bytes]."""
-
-    name: str
-    kernels: tuple[str, ...]
-    bytes: int
-
-
-@dataclass(frozen=True)
-class BodyInfo:
-    """A body: its name, nodes, terms, and the memory of its state and step vectors [bytes]."""
-
-    name: str
-    nodes: tuple[int, int]
-    terms: tuple[TermInfo, ...]
-    bytes: int
-
-
-@dataclass(frozen=True)
-class SimulationInfo:
-    """What a simulation launches and allocates.
-
-    Attributes:
-        bodies: One entry per body.
-        preconditioner: Name of the preconditioner.
-        solver_bytes: Memory of operator and preconditioner [bytes].
-    """
-
-    bodies: tuple[BodyInfo, ...]
-    preconditioner: str
-    solver_bytes: int
-
-    @property
-    def bytes_total(self) -> int:
-        """Device memory in all [bytes]."""
-        return self.solver_bytes + sum(b.bytes + sum(t.bytes for t in b.terms) for b in self.bodies)
-
-    def lines(self) -> list[str]:
-        """The table as people read it."""
-        nodes = sum(body.nodes[0] * body.nodes[1] for body in self.bodies)
-        lines = []
-        for body in self.bodies:
-            count = body.nodes[0] * body.nodes[1]
-            lines.append(
-                f"{body.name}: surface {body.nodes[0]} x {body.nodes[1]}, state {body.bytes / count:.0f} B/node"
-            )
-            for term in body.terms:
-                lines.append(f"  {term.name}: {term.bytes / count:.0f} B/node; kernels {', '.join(term.kernels)}")
-        lines.append(f"solver: conjugate gradient, {self.preconditioner}, {self.solver_bytes / nodes:.0f} B/node")
-        lines.append(f"total: {self.bytes_total} bytes, {self.bytes_total / nodes:.0f} B/node")
-        return lines
-
-
-def find_device(name: str) -> Any:
-    """The Warp device of that name; "auto" is the first CUDA device, or the CPU.
-
-    Raises:
-        InputError: There is no such device; the message lists those that exist.
-    """
-    vars(wp.config)["quiet"] = True
-    wp.init()
-    if name == "auto":
-        return wp.get_preferred_device()
-    try:
-        return wp.get_device(name)
-    except (ValueError, RuntimeError):
-        names = ", ".join(str(device) for device in wp.get_devices())
-        raise InputError(
-            Mistake("device", name, "does not exist on this machine", f"Use auto or one of: {names}.")
-        ) from None
 
 
 def _check(bodies: Sequence[Body], settings: Settings) -> None:

@@ -27,6 +27,8 @@ class BodyArrays(Protocol):
     """1 at free nodes, 0 at pinned nodes and outside the body, shape (1, rows, columns)."""
     iteration: wp.array
     """Newton iteration of this step, int32, shape (1,)."""
+    partials: wp.array
+    """Partial sums per node or lane group, float64, shape (rows, columns)."""
 
 
 class Force:
@@ -62,6 +64,12 @@ class Force:
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
         """Add the energy [J] to `partials` (float64, [rows, columns]), each thread at its own node's entry."""
+
+    def stored_energy(self, body: BodyArrays, position: wp.array) -> float:
+        """Energy [J] for reports (host): of terms whose `energy_kind` is not empty, with no constant left out."""
+        body.partials.zero_()
+        self.add_energy(body, position, body.partials)
+        return float(body.partials.numpy().sum())
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the derivative of the energy by the position [N]; valid after `linearise` at the same position."""

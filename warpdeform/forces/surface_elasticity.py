@@ -65,8 +65,9 @@ class SurfaceElasticity(Force):
     @property
     def kernels(self) -> tuple[str, ...]:
         """Names of the kernels that a step launches."""
-        cells = ("stress_cells", "product_cells", "gather", "energy_cells", "block_cells")
-        return (*cells, "stress_nodes", "product_nodes", "energy_nodes", "block_nodes") if self.bending else cells
+        names = ["stress_cells", "product_cells", "gather", "energy_cells", "block_cells"]
+        names += ["stress_nodes", "product_nodes", "energy_nodes", "block_nodes"] if self.bending else []
+        return tuple(f"surface.{name}" for name in names)
 
     def bytes(self) -> int:
         """Device memory that the term keeps [bytes]."""

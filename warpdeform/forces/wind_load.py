@@ -13,13 +13,14 @@ from warpdeform.wind import Wind
 class WindLoad(Force):
     """Force c A (n.v) n with v = u - (z - w)/tau, on the current normal n and the node's share A of the rest area.
 
-    n, and u where the wind gusts, follow the iterate in the first three Newton iterations of a stage and are then frozen
-    (taken at iterates and not where the step began, they keep the order of the integrator). With both frozen the force is the exact gradient of (c A tau/2) (n.v)^2, here relative to a node at rest, z = w.
+    n, and u where the wind gusts, follow the iterate in the first three Newton iterations of a stage and are then
+    frozen (taken at iterates and not where the step began, they keep the order of the integrator). With both frozen
+    the force is the exact gradient of (c A tau/2) (n.v)^2, here relative to a node at rest, z = w.
 
     The pressure of air on a sheet is (rho/2) Cd |n.v| n.v, with rho = 1.2 kg/m3 and Cd = 1.2 broadside on: the linear
     law meets it where c = 0.7 kg/m3 times |n.v|. c = 2 kg/(m2 s) belongs to the 3 m/s at which a flag slips through a
-    wind of 5 to 8 m/s: a cotton flag of 1.5 m then stands out and beats two to three times a second. Larger c makes it
-    stiffer and faster (8: 6 Hz in a steady wind of 6 m/s), smaller lets it hang (0.5).
+    wind of 5 to 8 m/s: a cotton flag of 1.5 m then stands out and, where time steps resolve it (1/480 s), beats two to
+    three times a second. Larger c makes it stiffer and faster (8: 6 to 10 Hz), smaller lets it hang (0.5).
 
     Attributes:
         wind: Velocity of the air.

@@ -175,7 +175,7 @@ def prepare_renderer(job: dict[str, Any]) -> None:
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     cycles = scene.cycles
-    cycles.device, cycles.samples, cycles.seed = "CPU", job["samples"], 0
+    cycles.device, cycles.samples, cycles.seed, cycles.use_light_tree = "CPU", job["samples"], 0, False
     cycles.use_adaptive_sampling, cycles.adaptive_threshold, cycles.adaptive_min_samples = True, 0.1, 8
     cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces = 6, 3, 2
     cycles.transmission_bounces, cycles.transparent_max_bounces = 2, 8

@@ -1,0 +1,57 @@
+"""What a simulation launches and allocates, for `warpdeform info`."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class TermInfo:
+    """A term: its name, kernels and memory [bytes]."""
+
+    name: str
+    kernels: tuple[str, ...]
+    bytes: int
+
+
+@dataclass(frozen=True)
+class BodyInfo:
+    """A body: its name, nodes, terms, and the memory of its state and step vectors [bytes]."""
+
+    name: str
+    nodes: tuple[int, int]
+    terms: tuple[TermInfo, ...]
+    bytes: int
+
+
+@dataclass(frozen=True)
+class SimulationInfo:
+    """What a simulation launches and allocates.
+
+    Attributes:
+        bodies: One entry per body.
+        preconditioner: Name of the preconditioner.
+        solver_bytes: Memory of operator and preconditioner [bytes].
+    """
+
+    bodies: tuple[BodyInfo, ...]
+    preconditioner: str
+    solver_bytes: int
+
+    @property
+    def bytes_total(self) -> int:
+        """Device memory in all [bytes]."""
+        return self.solver_bytes + sum(b.bytes + sum(t.bytes for t in b.terms) for b in self.bodies)
+
+    def lines(self) -> list[str]:
+        """The table as people read it."""
+        nodes = sum(body.nodes[0] * body.nodes[1] for body in self.bodies)
+        lines = []
+        for body in self.bodies:
+            count = body.nodes[0] * body.nodes[1]
+            lines.append(
+                f"{body.name}: surface {body.nodes[0]} x {body.nodes[1]}, state {body.bytes / count:.0f} B/node"
+            )
+            for term in body.terms:
+                lines.append(f"  {term.name}: {term.bytes / count:.0f} B/node; kernels {', '.join(term.kernels)}")
+        lines.append(f"solver: conjugate gradient, {self.preconditioner}, {self.solver_bytes / nodes:.0f} B/node")
+        lines.append(f"total: {self.bytes_total} bytes, {self.bytes_total / nodes:.0f} B/node")
+        return lines

@@ -1,0 +1,183 @@
+"""What must be true of the packaged scenes, as the tests see them after the last frame."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpdeform.body import select_nodes
+from warpdeform.scene.measure import asymmetry, depth, samples
+
+if TYPE_CHECKING:
+    from warpdeform.simulation import Simulation
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Something that must be true of a run.
+
+    Attributes:
+        text: What, as a sentence.
+        value: What was measured.
+        low: The smallest value allowed.
+        high: The largest value allowed.
+    """
+
+    text: str
+    value: float
+    low: float = -np.inf
+    high: float = np.inf
+
+    @property
+    def holds(self) -> bool:
+        """Whether it is true; never of a value that is not a number."""
+        return bool(self.low <= self.value <= self.high)
+
+    def __str__(self) -> str:
+        return f"{self.text}: {self.value:.4g}, allowed {self.low:.4g} to {self.high:.4g}"
+
+
+@dataclass
+class History:
+    """The frames of a run; `observe` is called at each of them.
+
+    Attributes:
+        times: Time of each frame [s].
+        positions: Node positions at each frame [m], by body, each of shape (nu, nv, 3).
+        energies: Kinetic, elastic, gravitational and field energy together [J].
+        work: Work of pins, wind, drag and friction since the start [J].
+    """
+
+    times: list[float] = field(default_factory=list)
+    positions: dict[str, list[Array]] = field(default_factory=dict)
+    energies: list[float] = field(default_factory=list)
+    work: list[float] = field(default_factory=list)
+
+    def observe(self, simulation: Simulation) -> None:
+        """Keep the present frame."""
+        self.times.append(simulation.time)
+        for body in simulation.bodies:
+            self.positions.setdefault(body.name, []).append(np.asarray(body.positions(), dtype=np.float64))
+        energy = simulation.record().energy
+        self.energies.append(energy.kinetic + energy.elastic + energy.gravity + energy.field)
+        self.work.append(energy.work_in)
+
+    def after(self, time: float) -> int:
+        """The first frame at or after `time` [s]."""
+        return int(np.searchsorted(self.times, time - 1e-9))
+
+
+Check = Callable[["Simulation", History], list[Claim]]
+
+
+def _pins_still(history: History, simulation: Simulation) -> Claim:
+    """Nodes that are held without a path stay where they are, to the last bit."""
+    moved = 0.0
+    for handle in simulation.bodies:
+        frames = np.array(history.positions[handle.name])
+        for pin in handle.body.pins:
+            if pin.track is None:
+                nodes = select_nodes(pin.nodes, handle.nodes)
+                held = frames[:, nodes[:, 0], nodes[:, 1]]
+                moved = max(moved, float(np.abs(held - held[0]).max()))
+    return Claim("pinned nodes move [m]", moved, 0.0, 0.0)
+
+
+def _stretch(simulation: Simulation, high: float) -> Claim:
+    return Claim("longest edge over its rest length", simulation.record().max_stretch, 1.0 - 1e-6, high)
+
+
+def _nothing_inside(history: History, simulation: Simulation, name: str, deepest: float) -> Claim:
+    """Nodes, edges and cells stay outside all obstacles, at every frame."""
+    worst = 0.0
+    for time, positions in zip(history.times, history.positions[name], strict=True):
+        points = samples(positions)
+        worst = max([worst, *(depth(obstacle, points, time) for obstacle in simulation.obstacles)])
+    return Claim(f"depth of {name} inside an obstacle [m]", worst, 0.0, deepest)
+
+
+def hanging(simulation: Simulation, history: History) -> list[Claim]:
+    """Two corners hold; the sheet swings through below them, symmetric, and no energy comes out of nowhere.
+
+    Symmetry is asked for until the sheet hangs: then folds form on its way up, and rounding decides which way.
+    """
+    frames = history.positions["sheet"]
+    down = history.after(0.4)
+    energies = np.array(history.energies)
+    return [
+        _pins_still(history, simulation),
+        _stretch(simulation, 1.3),
+        Claim("energy gained since the start [J]", float((energies - energies[0]).max()), -np.inf, 0.01),
+        Claim("energy lost [J]", float(energies[0] - energies[-1]), 0.0, 0.2),
+        Claim("asymmetry on the way down [m]", max(asymmetry(f, 0, 0) for f in frames[: down + 1]), 0.0, 0.01),
+        Claim("lowest node at the lowest point, below the corners [m]", _fallen(frames), 0.9, 1.2),
+    ]
+
+
+def flag(simulation: Simulation, history: History) -> list[Claim]:
+    """The pole's edge holds; the rest streams with the wind, and waves."""
+    frames = np.array(history.positions["flag"])[history.after(1.5) :]
+    outer = frames[:, -1].mean(axis=1)
+    length = 1.5
+    return [
+        _pins_still(history, simulation),
+        _stretch(simulation, 1.15),
+        Claim("mean distance of the outer edge downwind, of the length", float(outer[:, 0].mean()) / length, 0.7, 1.0),
+        Claim("swing of the outer edge across the wind (rms) [m]", float(outer[:, 1].std()), 0.02, 0.6),
+        Claim("mean sinking of the outer edge [m]", float(1.95 - outer[:, 2].mean()), -0.1, 0.6),
+        _nothing_inside(history, simulation, "flag", 1e-3),
+    ]
+
+
+def carpet(simulation: Simulation, history: History) -> list[Claim]:
+    """It lies on ball, log and ground, nothing of it inside them, and has come to rest."""
+    frames = history.positions["carpet"]
+    speed = np.linalg.norm(frames[-1] - frames[-2], axis=-1) / (history.times[-1] - history.times[-2])
+    top = max(0.7, 0.44)
+    return [
+        _stretch(simulation, 1.2),
+        _nothing_inside(history, simulation, "carpet", 1e-3),
+        Claim("highest node above the ball's top [m]", float(frames[-1][..., 2].max()) - top, 0.0, 0.02),
+        Claim("lowest node above the ground [m]", float(frames[-1][..., 2].min()), 0.0, 0.05),
+        Claim("speed at the end (rms) [m/s]", float(np.sqrt(np.mean(speed**2))), 0.0, 0.05),
+    ]
+
+
+def bunny(simulation: Simulation, history: History) -> list[Claim]:
+    """The scarf comes to lie on the bunny, then the ball carries it aside; nothing of it goes inside anything."""
+    frames = history.positions["scarf"]
+    draped = frames[history.after(1.6)]
+    return [
+        _stretch(simulation, 1.3),
+        _nothing_inside(history, simulation, "scarf", 2e-3),
+        Claim("highest node over the bunny's ears before the ball comes [m]", draped[..., 2].max() - 0.81, 0.0, 0.03),
+        Claim("way of the scarf's middle with the ball [m]", float((frames[-1] - draped)[..., 1].mean()), 0.1, 2.0),
+    ]
+
+
+def materials(simulation: Simulation, history: History) -> list[Claim]:
+    """Rubber and cotton hang limp, paper bends, steel holds out."""
+    sags = {name: float(0.4 - frames[-1][-1, :, 2].mean()) / 0.2 for name, frames in history.positions.items()}
+    return [
+        _pins_still(history, simulation),
+        _stretch(simulation, 1.1),
+        Claim("tip of the rubber sheet below its clamp, of the length", sags["rubber"], 0.85, 1.1),
+        Claim("tip of the cotton sheet below its clamp, of the length", sags["cotton"], 0.85, 1.1),
+        Claim("sag of paper over that of cotton", sags["paper"] / sags["cotton"], 0.3, 0.9),
+        Claim("sag of steel over that of paper", sags["steel"] / sags["paper"], 0.2, 0.9),
+    ]
+
+
+def _fallen(frames: list[Array]) -> float:
+    """How far below its start the lowest node of all frames is [m]."""
+    return float(frames[0][..., 2].min() - min(frame[..., 2].min() for frame in frames))
+
+
+CHECKS: dict[str, Check] = {check.__name__: check for check in (hanging, flag, carpet, bunny, materials)}
+"""The check of each packaged scene, by the scene's name."""
