@@ -53,10 +53,10 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
         return turned(pose, share, x - pose.position + (one - share) * pose.shift)
 
     @wp.func
-    def free_share(o: Obstacle, pose: Pose, x: V, d: V, slack: real, stop: real, least: real):
+    def free_share(o: Obstacle, pose: Pose, x: V, d: V, slack: real, stop: real):
         """How much of the way from x to x + d a node may go while the obstacle makes its motion (sphere tracing).
 
-        It ends where distance plus slack has fallen to `stop` and goes on falling. Steps are `least` [m] or longer.
+        It ends where distance plus slack has fallen to `stop` and goes on falling, or when the steps are used up.
         """
         arm = wp.max(wp.length(x - pose.position + pose.shift), wp.length(x + d - pose.position))
         way = wp.length(d - pose.shift) + wp.length(pose.spin) * arm
@@ -67,10 +67,13 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
                 p = seen(pose, share, x + share * d)
                 f = signed_distance(o, p, way + stop)
                 room = f[3] + slack
-                drift = turned(pose, share, d - pose.shift) - wp.cross(wp.transpose(pose.rotation) * pose.spin, p)
-                if room <= stop and wp.dot(drift, V(f[0], f[1], f[2])) < zero:
-                    return share
-                share += wp.max(wp.abs(room) - near * stop, least) / way
+                step = room - near * stop
+                if room <= stop:
+                    drift = turned(pose, share, d - pose.shift) - wp.cross(wp.transpose(pose.rotation) * pose.spin, p)
+                    if wp.dot(drift, V(f[0], f[1], f[2])) < zero:
+                        return share
+                    step = wp.max(wp.abs(room), real(1e-4) * o.eps)
+                share += step / way
                 if share >= one:
                     return one
         return share
@@ -129,8 +132,8 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
                             still = Pose()
                             still.position = pose.position
                             still.rotation = pose.rotation
-                            stop = wp.max(a[3], zero) / real(9.0)
-                            d = free_share(o, still, z, d, o.slack, stop, real(0.05) * o.eps) * d
+                            stop = wp.max(a[3] / real(9.0), real(0.05) * o.eps)  # of the room a tenth, as above
+                            d = free_share(o, still, z, d, o.slack, stop) * d
             if limits == 0:
                 sweep = 4
             elif limits == 1 and sweep < 3:
@@ -160,7 +163,7 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
             for k in range(obstacles.shape[0]):
                 o = obstacles[k]
                 pose = poses[k]
-                share = free_share(o, pose, x, z - x, zero, real(0.5) * o.eps, real(0.05) * o.eps)
+                share = free_share(o, pose, x, z - x, zero, real(0.5) * o.eps)
                 if share < one:
                     z = pose.position + pose.rotation * seen(pose, share, x + share * (z - x))
         store3(start_out, 0, i, j, z)

@@ -31,6 +31,7 @@ FLOORS = (
         "wind",
         "body",
         "state",
+        "device",
         "errors",
         "result",
         "settings",

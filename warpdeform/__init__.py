@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from warpdeform.simulation import Simulation
     from warpdeform.track import Track
     from warpdeform.usd.frames import FrameWriter
+    from warpdeform.usd.recorder import Recorder
     from warpdeform.wind import Wind
 
 __version__ = "0.1.0"
@@ -29,6 +30,7 @@ __all__ = [
     "Mistake",
     "Obstacle",
     "Pin",
+    "Recorder",
     "RestShape",
     "Settings",
     "Simulation",
@@ -57,6 +59,7 @@ _HOMES = {
     "simulation": ("Simulation",),
     "track": ("Track",),
     "usd.frames": ("FrameWriter",),
+    "usd.recorder": ("Recorder",),
     "wind": ("Wind",),
 }
 """The module that each public name lives in."""

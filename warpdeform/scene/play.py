@@ -16,7 +16,7 @@ from warpdeform.scene.build import BuiltScene
 
 if TYPE_CHECKING:
     from warpdeform.simulation import Simulation
-    from warpdeform.usd.frames import FrameWriter
+    from warpdeform.usd.recorder import Recorder
 
 
 @dataclass(frozen=True)
@@ -69,33 +69,20 @@ def play(
 
     check_output(output)
     simulation = simulation_of(scene)
-    writer = frame_writer(scene, output)
+    writer = recorder(scene, simulation, output)
     with writer:
         played = _play(simulation, scene, writer, on_frame, stopped)
         written = writer.close(played.record.as_dict(), interrupted=played.interrupted or played.failure is not None)
     return replace(played, record=replace(played.record, output=str(written) if written else ""))
 
 
-def frame_writer(scene: BuiltScene, output: str | Path) -> FrameWriter:
-    """The writer of a scene's frames."""
-    from warpdeform.usd.frames import FrameWriter
-    from warpdeform.usd.topology import SurfaceMesh
+def recorder(scene: BuiltScene, simulation: Simulation, output: str | Path) -> Recorder:
+    """The writer of a scene's frames, which keeps the scene and the versions that made them in the file."""
+    from warpdeform.usd.recorder import Recorder
 
-    meshes = [
-        SurfaceMesh(
-            body.name,
-            body.nodes,
-            color=body.color,
-            roughness=body.roughness,
-            thickness=body.material.thickness or 0.0,
-        )
-        for body in scene.bodies
-    ]
-    return FrameWriter(
+    return Recorder(
+        simulation,
         output,
-        bodies=meshes,
-        obstacles=scene.obstacles,
-        fps=scene.settings.fps,
         up_axis=scene.spec.scene.up_axis,
         meters_per_unit=scene.spec.scene.meters_per_unit,
         metadata={"scene": scene.name, "file": scene.raw, "versions": _versions()},
@@ -105,7 +92,7 @@ def frame_writer(scene: BuiltScene, output: str | Path) -> FrameWriter:
 def _play(
     simulation: Simulation,
     scene: BuiltScene,
-    writer: FrameWriter | None,
+    writer: Recorder | None,
     on_frame: Callable[[Simulation], None],
     stopped: Callable[[], bool],
 ) -> Played:
@@ -118,7 +105,7 @@ def _play(
             if frame:
                 simulation.advance_frame()
             if writer:
-                _write(simulation, writer)
+                writer.write_frame()
         except SimulationFailure as error:
             failure = error
             break
@@ -131,12 +118,6 @@ def _play(
             break
     record = replace(simulation.record(), frames=written, wall_s=wall)
     return Played(record, interrupted, failure)
-
-
-def _write(simulation: Simulation, writer: FrameWriter) -> None:
-    points = {body.name: body.positions() for body in simulation.bodies}
-    velocities = {body.name: body.velocities() for body in simulation.bodies}
-    writer.write(simulation.time, points, velocities)
 
 
 def _versions() -> dict[str, str]:
