@@ -48,7 +48,7 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
         floor: real  # approach that the guard always allows
         friction: real
         lagged: wp.int32  # first component of its lagged friction data, -1 without friction
-        memory: wp.int32  # first component of its memory, -1 unless a mesh
+        memory: wp.int32  # first component of its memory, -1 unless it is a mesh
 
     @wp.struct
     class Pose:
@@ -78,16 +78,16 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
         return F(radial * c, radial * s, axial, f)
 
     @wp.func
-    def plane(o: Obstacle, p: V, reach: real):
+    def plane(o: Obstacle, p: V):
         return F(zero, zero, one, p[2])
 
     @wp.func
-    def sphere(o: Obstacle, p: V, reach: real):
+    def sphere(o: Obstacle, p: V):
         d = away(p, V(zero, zero, one))
         return F(d[0], d[1], d[2], d[3] - o.size[0])
 
     @wp.func
-    def box(o: Obstacle, p: V, reach: real):
+    def box(o: Obstacle, p: V):
         q = V(wp.abs(p[0]) - o.size[0], wp.abs(p[1]) - o.size[1], wp.abs(p[2]) - o.size[2])
         axis = 0
         if q[1] > q[0]:
@@ -107,12 +107,12 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
         return F(n[0], n[1], n[2], f)
 
     @wp.func
-    def capsule(o: Obstacle, p: V, reach: real):
+    def capsule(o: Obstacle, p: V):
         d = away(V(p[0], p[1], p[2] - wp.clamp(p[2], -o.size[1], o.size[1])), V(one, zero, zero))
         return F(d[0], d[1], d[2], d[3] - o.size[0])
 
     @wp.func
-    def cylinder(o: Obstacle, p: V, reach: real):
+    def cylinder(o: Obstacle, p: V):
         side = wp.sqrt(p[0] * p[0] + p[1] * p[1]) - o.size[0]
         end = wp.abs(p[2]) - o.size[1]
         a, b, f = zero, one, end
@@ -127,7 +127,7 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
         return around(p, a, b, f)
 
     @wp.func
-    def cone(o: Obstacle, p: V, reach: real):
+    def cone(o: Obstacle, p: V):
         rho = wp.sqrt(p[0] * p[0] + p[1] * p[1])
         slant = wp.sqrt(o.size[0] * o.size[0] + real(4.0) * o.size[1] * o.size[1])
         a, b = real(2.0) * o.size[1] / slant, o.size[0] / slant  # outward normal of the side
@@ -153,7 +153,7 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
         return around(p, a, b, f)
 
     @wp.func
-    def torus(o: Obstacle, p: V, reach: real):
+    def torus(o: Obstacle, p: V):
         q = wp.sqrt(p[0] * p[0] + p[1] * p[1]) - o.size[0]
         f = wp.sqrt(q * q + p[2] * p[2])
         a, b = one, zero
@@ -182,7 +182,7 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
         return r
 
     @wp.func
-    def mesh(o: Obstacle, p: V, reach: real):
+    def mesh(o: Obstacle, p: V, reach: real, known_side: real):
         """Over the inside of a triangle of a closed mesh its normal says on which side p lies; over edges and corners
         the winding number does. A thin shell has no inside: there n points to the side that p lies on.
         """
@@ -206,7 +206,8 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
             if ab < zero or bc < zero or ca < zero:
                 e = nearer(nearer(from_edge(p, a, b), from_edge(p, b, c)), from_edge(p, c, a))
                 d = away(e, side * n)
-                if o.half_thickness == zero:
+                side = known_side
+                if o.half_thickness == zero and side == zero:
                     winding = wp.mesh_query_point_sign_winding_number(o.mesh, q, wp.float32(2.0) * limit)
                     side = real(winding.sign)
             if o.half_thickness > zero:
@@ -216,30 +217,48 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
         return d
 
     names = locals()
-    table = tuple(names[kind] for kind in KINDS if kind != "mesh" or with_mesh)
+    table = tuple(names[kind] for kind in KINDS if kind != "mesh")
 
     @wp.func(inline=False)  # one copy per module: halves the time to compile the mesh queries
-    def signed_distance(o: Obstacle, p: V, reach: real):
-        """The outward unit normal and the distance at p; (0, 0, 0, reach) for a mesh that is farther away than that."""
+    def signed_distance(o: Obstacle, p: V, reach: real, known_side: real):
+        """The outward unit normal and the distance at p.
+
+        Args:
+            reach: Meshes are not searched any farther; they give (0, 0, 0, reach) where nothing is found.
+            known_side: 1 outside, -1 inside, where this is known of a mesh; else 0.
+        """
         d = F()
         for k in range(wp.static(len(table))):
             if o.kind == k:
-                d = wp.static(table[k])(o, p, reach)
+                d = wp.static(table[k])(o, p)
+        if wp.static(with_mesh):
+            if o.memory >= 0:
+                d = mesh(o, p, reach, known_side)
         return d
 
     @wp.func
+    def side_within(d: F, moved: real):
+        """The side on which all points up to `moved` [m] from where d was measured lie; 0 if that is not sure."""
+        side = zero
+        if wp.abs(d[3]) > moved and d[0] * d[0] + d[1] * d[1] + d[2] * d[2] > zero:
+            side = wp.sign(d[3])
+        return side
+
+    @wp.func
     def remembered_distance(o: Obstacle, memory: wp.array3d(dtype=real), i: int, j: int, p: V, reach: real):
-        """`signed_distance`, without a new query where the last one answers: at its own point, and far from a mesh."""
+        """`signed_distance`, with what the last query tells: all at its own point, the side near it, nothing near."""
+        side = zero
         if wp.static(with_mesh):
             if o.memory >= 0:
                 moved = wp.length(p - load3(memory, o.memory + POINT, i, j))
                 n = load3(memory, o.memory + OUTWARD, i, j)
-                f = load1(memory, o.memory + DISTANCE, i, j)
+                d = F(n[0], n[1], n[2], load1(memory, o.memory + DISTANCE, i, j))
                 if moved == zero and wp.dot(n, n) > zero:
-                    return F(n[0], n[1], n[2], f)
-                if f - moved >= reach:
+                    return d
+                if d[3] - moved >= reach:
                     return F(zero, zero, zero, reach)
-        return signed_distance(o, p, reach)
+                side = side_within(d, moved)
+        return signed_distance(o, p, reach, side)
 
     @wp.func
     def remember_distance(o: Obstacle, memory: wp.array3d(dtype=real), i: int, j: int, p: V, d: F):
@@ -255,6 +274,7 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
         V=V,
         F=F,
         signed_distance=signed_distance,
+        side_within=side_within,
         remembered_distance=remembered_distance,
         remember_distance=remember_distance,
     )

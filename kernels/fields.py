@@ -42,7 +42,7 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
     load1, load3, load6 = words.load1, words.load3, words.load6
     store1, store3, store6, add3, add6 = words.store1, words.store3, words.store6, words.add3, words.add6
     geometry = distances(real, with_mesh)
-    Obstacle, Pose, signed_distance = geometry.Obstacle, geometry.Pose, geometry.signed_distance
+    Obstacle, Pose = geometry.Obstacle, geometry.Pose
     remembered_distance, remember_distance = geometry.remembered_distance, geometry.remember_distance
     zero, one, half, stick = real(0.0), real(1.0), real(0.5), real(STICK)
     module = kernel_module("fields" + "_mesh" * with_mesh + "_friction" * with_friction, 1, real)
@@ -176,6 +176,7 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
         position: wp.array3d(dtype=real),
         obstacles: wp.array(dtype=Obstacle),
         poses: wp.array(dtype=Pose),
+        memory: wp.array3d(dtype=real),
         start_out: wp.array3d(dtype=real),
         lagged_out: wp.array3d(dtype=real),
     ):
@@ -192,7 +193,7 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
             if o.lagged >= 0:
                 pose = poses[k]
                 p = (wp.transpose(pose.rotation) - pose.turn) * (x + pose.shift - pose.position)
-                d = signed_distance(o, p, real(2.0) * o.cutoff)
+                d = remembered_distance(o, memory, i, j, p, real(2.0) * o.cutoff)
                 store3(lagged_out, o.lagged + NORMAL, i, j, V(d[0], d[1], d[2]))
                 if d[3] >= o.cutoff:
                     store3(lagged_out, o.lagged + ANCHOR, i, j, V())

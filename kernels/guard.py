@@ -28,7 +28,8 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
     V, load1, load3, store3 = words.V, words.load1, words.load3, words.store3
     geometry = distances(real, with_mesh)
     Obstacle, Pose, F = geometry.Obstacle, geometry.Pose, geometry.F
-    signed_distance, remembered_distance = geometry.signed_distance, geometry.remembered_distance
+    signed_distance, side_within = geometry.signed_distance, geometry.side_within
+    remembered_distance = geometry.remembered_distance
     zero, one, near = real(0.0), real(1.0), real(0.9)
     hollow_codes = sum(1 << code for code, kind in enumerate(KINDS) if kind not in CONVEX)
     module = kernel_module("guard" + "_mesh" * with_mesh, 1, real)
@@ -63,9 +64,10 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
         share = one
         if way > zero:
             share = zero
+            side = zero
             for _ in range(256):
                 p = seen(pose, share, x + share * d)
-                f = signed_distance(o, p, way + stop)
+                f = signed_distance(o, p, way + stop, side)
                 room = f[3] + slack
                 step = room - near * stop
                 if room <= stop:
@@ -73,6 +75,7 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
                     if wp.dot(drift, V(f[0], f[1], f[2])) < zero:
                         return share
                     step = wp.max(wp.abs(room), real(1e-4) * o.eps)
+                side = side_within(f, step)
                 share += step / way
                 if share >= one:
                     return one

@@ -1,4 +1,4 @@
-"""Elastic surfaces: membrane and bending energy, gradient, Hessian product and block diagonal (design 1.3).
+"""Elastic surfaces: membrane and bending energy, gradient and Hessian product (design 1.3).
 
 Membrane, per cell with corners r00, r10, r01, r11. Everything is a function of three differences,
 
@@ -18,12 +18,12 @@ Bending, with unit normal n and second difference s of the positions along an ax
 
     b = n.s,    delta b = n.(delta s - Gamma^k delta r_k),    Gamma^k = G^kl r_l.s
 
-b11, b22 at the nodes with n from central differences (one-sided at a border), b12 at the cells with n along m1 x m2 = E x D / 2;
-energies (b - b0)' K (b - b0)/2. All differences are undivided: K carries the spacings.
+b11, b22 at the nodes with n from central differences (one-sided at a border), b12 at the cells with n along
+m1 x m2 = E x D / 2; energies (b - b0)' K (b - b0)/2. All differences are undivided: K carries the spacings.
 
-The Hessian is projected: Gauss-Newton part exact; tension of each pair of edges (their mean: its variation within a cell
-would cost 12 % more operations and changes the rate of convergence only) and shear stress clipped to what is positive
-semi-definite; geometric part of bending left out (design 2.1).
+The Hessian is projected: Gauss-Newton part exact; tension of each pair of edges (their mean: its variation within a
+cell would cost 12 % more operations and changes the rate of convergence only) and shear stress clipped to what is
+positive semi-definite; geometric part of bending left out (design 2.1).
 """
 
 import functools
@@ -33,6 +33,7 @@ from typing import Any
 import warp as wp
 
 from warpdeform.kernels.lanes import kernel_module, lanes
+from warpdeform.kernels.surface_geometry import geometry
 
 FLUX_COMPONENTS = 9
 """Derivatives of a cell's energy by D, E and x."""
@@ -44,6 +45,11 @@ FLEXURE_COMPONENTS = 7
 """Linearised b11, b22 of a node: n, Gamma^1_11, Gamma^2_11, Gamma^1_22, Gamma^2_22."""
 SCATTER_COMPONENTS = 4
 """Bending force of a node sample along its n on the neighbours i + 1, i - 1, j + 1, j - 1; the node gets the rest."""
+
+
+def variant_name(orthogonal: bool, bending: bool) -> str:
+    """What the modules of a variant are called."""
+    return ("orthogonal" if orthogonal else "general") + ("_bending" if bending else "")
 
 
 @functools.cache
@@ -59,104 +65,18 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
 
     Returns:
         Kernels ``stress_cells``, ``stress_nodes``, ``product_cells``, ``product_nodes``, ``gather``, ``energy_cells``,
-        ``energy_nodes``, ``block_cells``, ``block_nodes``, ``measure_membrane`` and ``measure_bending``.
+        ``energy_nodes``, ``measure_membrane`` and ``measure_bending``.
     """
-    words = lanes(width, real)
-    L, V = words.L, words.V
+    words, shape = lanes(width, real), geometry(width, real, orthogonal)
+    L = words.L
     load1, load3, store1, store3 = words.load1, words.load3, words.store1, words.store3
-    add3, add6, along_u = words.add3, words.add6, words.along_u
-    dot3, cross3, scale, scale6, mul, div = words.dot3, words.cross3, words.scale, words.scale6, words.mul, words.div
-    root, at_least, splat = words.root, words.at_least, words.splat
-    outer, isotropic, symmetric, sum_lanes = words.outer, words.isotropic, words.symmetric, words.sum_lanes
-    zero, half, one, two = real(0.0), real(0.5), real(1.0), real(2.0)
-    variant = ("orthogonal" if orthogonal else "general") + ("_bending" if bending else "")
-    module = kernel_module(f"surface_{variant}", width, real)
-
-    @wp.func
-    def diagonals(r: wp.array3d(dtype=real), i: int, j: int):
-        """D, E and x of the cell at (i, j)."""
-        r00, r10 = load3(r, 0, i, j), load3(r, 0, i + 1, j)
-        r01, r11 = load3(r, 0, i, j + 1), load3(r, 0, i + 1, j + 1)
-        return r11 - r00, r10 - r01, (r11 - r10) - (r01 - r00)
-
-    @wp.func
-    def stress(K: wp.array3d(dtype=real), i: int, j: int, s: L, t: L, c: L, u: L, v: L):
-        """K times (s, t, c, u, v)."""
-        if wp.static(orthogonal):
-            k01, k33, k34 = load1(K, 1, i, j), load1(K, 4, i, j), load1(K, 5, i, j)
-            return (
-                mul(load1(K, 0, i, j), s) + mul(k01, t),
-                mul(k01, s) + mul(load1(K, 2, i, j), t),
-                mul(load1(K, 3, i, j), c),
-                mul(k33, u) + mul(k34, v),
-                mul(k34, u) + mul(k33, v),
-            )
-        else:
-            k01, k02, k03, k04 = load1(K, 1, i, j), load1(K, 2, i, j), load1(K, 3, i, j), load1(K, 4, i, j)
-            k12, k13, k14 = load1(K, 6, i, j), load1(K, 7, i, j), load1(K, 8, i, j)
-            k23, k24, k34 = load1(K, 10, i, j), load1(K, 11, i, j), load1(K, 13, i, j)
-            return (
-                mul(load1(K, 0, i, j), s) + mul(k01, t) + mul(k02, c) + mul(k03, u) + mul(k04, v),
-                mul(k01, s) + mul(load1(K, 5, i, j), t) + mul(k12, c) + mul(k13, u) + mul(k14, v),
-                mul(k02, s) + mul(k12, t) + mul(load1(K, 9, i, j), c) + mul(k23, u) + mul(k24, v),
-                mul(k03, s) + mul(k13, t) + mul(k23, c) + mul(load1(K, 12, i, j), u) + mul(k34, v),
-                mul(k04, s) + mul(k14, t) + mul(k24, c) + mul(k34, u) + mul(load1(K, 14, i, j), v),
-            )
-
-    @wp.func
-    def strains(d: V, e: V, x: V, q0: wp.array3d(dtype=real), i: int, j: int):
-        """q - q0."""
-        dd, ee, xx = dot3(d, d), dot3(e, e), dot3(x, x)
-        return (
-            half * (dd + ee + xx) - load1(q0, 0, i, j),
-            dot3(d, e) - load1(q0, 1, i, j),
-            half * (dd - ee) - load1(q0, 2, i, j),
-            dot3(d, x) - load1(q0, 3, i, j),
-            dot3(e, x) - load1(q0, 4, i, j),
-        )
-
-    @wp.func
-    def inverse_metric(r1: V, r2: V, floor: real):
-        """G^11, G^12, G^22 of two tangents; |r1 x r2|^2 is kept above `floor`, so that folded cells stay finite."""
-        g11, g12, g22 = dot3(r1, r1), dot3(r1, r2), dot3(r2, r2)
-        inverse = div(splat(one), at_least(mul(g11, g22) - mul(g12, g12), floor))
-        return mul(inverse, g22), (-one) * mul(inverse, g12), mul(inverse, g11)
-
-    @wp.func
-    def unit_normal(r1: V, r2: V, floor: real):
-        a = cross3(r1, r2)
-        return scale(div(splat(one), root(at_least(dot3(a, a), floor))), a)
-
-    @wp.func
-    def christoffel(r1: V, r2: V, s: V, floor: real):
-        """Gamma^1, Gamma^2 of the second difference s."""
-        h11, h12, h22 = inverse_metric(r1, r2, floor)
-        d1, d2 = dot3(r1, s), dot3(r2, s)
-        return mul(h11, d1) + mul(h12, d2), mul(h12, d1) + mul(h22, d2)
-
-    @wp.func
-    def tangent_u(r: wp.array3d(dtype=real), alpha_u: wp.array3d(dtype=real), i: int, j: int):
-        r0 = load3(r, 0, i, j)
-        return scale(along_u(alpha_u, 0, i), load3(r, 0, i + 1, j) - r0) + scale(
-            along_u(alpha_u, 1, i), r0 - load3(r, 0, i - 1, j)
-        )
-
-    @wp.func
-    def tangent_v(r: wp.array3d(dtype=real), alpha_v: wp.array3d(dtype=real), i: int, j: int):
-        r0 = load3(r, 0, i, j)
-        return scale(load1(alpha_v, 0, 0, j), load3(r, 0, i, j + 1) - r0) + scale(
-            load1(alpha_v, 1, 0, j), r0 - load3(r, 0, i, j - 1)
-        )
-
-    @wp.func
-    def second_u(r: wp.array3d(dtype=real), i: int, j: int):
-        r0 = load3(r, 0, i, j)
-        return (load3(r, 0, i + 1, j) - r0) - (r0 - load3(r, 0, i - 1, j))
-
-    @wp.func
-    def second_v(r: wp.array3d(dtype=real), i: int, j: int):
-        r0 = load3(r, 0, i, j)
-        return (load3(r, 0, i, j + 1) - r0) - (r0 - load3(r, 0, i, j - 1))
+    add3, along_u, sum_lanes = words.add3, words.along_u, words.sum_lanes
+    dot3, scale, mul, at_least, splat = words.dot3, words.scale, words.mul, words.at_least, words.splat
+    diagonals, stress, strains = shape.diagonals, shape.stress, shape.strains
+    unit_normal, christoffel = shape.unit_normal, shape.christoffel
+    tangent_u, tangent_v, second_u, second_v = shape.tangent_u, shape.tangent_v, shape.second_u, shape.second_v
+    zero, half, two = real(0.0), real(0.5), real(2.0)
+    module = kernel_module(f"surface_{variant_name(orthogonal, bending)}", width, real)
 
     @wp.kernel(module=module)
     def stress_cells(
@@ -380,96 +300,6 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
         w = w + two * mul(load1(KB, 1, i, j), mul(e1, e2))
         partials_out[i, j] = partials_out[i, j] + wp.float64(0.5) * sum_lanes(w)
 
-    @wp.func
-    def block_column(
-        K: wp.array3d(dtype=real), i: int, j: int, gs: V, gt: V, gc: V, gu: V, gv: V, s: L, t: L, c: L, u: L, v: L
-    ):
-        """Column of g' K g, where g are the gradients of the strains and (s, t, c, u, v) their components there."""
-        ss, st, sc, su, sv = stress(K, i, j, s, t, c, u, v)
-        return scale(ss, gs) + scale(st, gt) + scale(sc, gc) + (scale(su, gu) + scale(sv, gv))
-
-    @wp.func
-    def corner_block(
-        r: wp.array3d(dtype=real),
-        K: wp.array3d(dtype=real),
-        tension: wp.array3d(dtype=real),
-        K12: wp.array3d(dtype=real),
-        twist: wp.array3d(dtype=real),
-        i: int,
-        j: int,
-        on_d: real,
-        on_e: real,
-        on_x: real,
-    ):
-        """Diagonal block of the corner whose motion dr gives dD = on_d dr, dE = on_e dr, dx = on_x dr (0, 1 or -1)."""
-        d, e, x = diagonals(r, i, j)
-        gs = on_d * d + on_e * e + on_x * x
-        gt, gc = on_e * d + on_d * e, on_d * d - on_e * e
-        gu, gv = on_x * d + on_d * x, on_x * e + on_e * x
-        block = isotropic(
-            (on_d * on_d) * load1(tension, 0, i, j)
-            + (on_e * on_e) * load1(tension, 1, i, j)
-            + (on_x * on_x) * load1(tension, 2, i, j)
-            + (two * on_d * on_e) * load1(tension, 3, i, j)
-        )
-        c0 = block_column(K, i, j, gs, gt, gc, gu, gv, gs[0], gt[0], gc[0], gu[0], gv[0])
-        c1 = block_column(K, i, j, gs, gt, gc, gu, gv, gs[1], gt[1], gc[1], gu[1], gv[1])
-        c2 = block_column(K, i, j, gs, gt, gc, gu, gv, gs[2], gt[2], gc[2], gu[2], gv[2])
-        block = block + symmetric(c0, c1, c2)
-        if wp.static(bending):
-            n = load3(twist, 0, i, j)
-            b = splat(on_x) - on_d * load1(twist, 3, i, j) - on_e * load1(twist, 4, i, j)
-            block = block + scale6(mul(load1(K12, 0, i, j), mul(b, b)), outer(n, n))
-        return block
-
-    @wp.kernel(module=module)
-    def block_cells(
-        r: wp.array3d(dtype=real),
-        K: wp.array3d(dtype=real),
-        tension: wp.array3d(dtype=real),
-        K12: wp.array3d(dtype=real),
-        twist: wp.array3d(dtype=real),
-        blocks_out: wp.array3d(dtype=real),
-    ):
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        block = corner_block(r, K, tension, K12, twist, i, j, -one, zero, one)
-        block = block + corner_block(r, K, tension, K12, twist, i - 1, j, zero, one, -one)
-        block = block + corner_block(r, K, tension, K12, twist, i, j - 1, zero, -one, -one)
-        block = block + corner_block(r, K, tension, K12, twist, i - 1, j - 1, one, zero, one)
-        add6(blocks_out, 0, i, j, block)
-
-    @wp.func
-    def flexure_block(
-        KB: wp.array3d(dtype=real), flexure: wp.array3d(dtype=real), i: int, j: int, s1: L, s2: L, a1: L, a2: L
-    ):
-        """Block of a node that enters a sample's second differences with s1, s2 and its tangents with a1, a2."""
-        n = load3(flexure, 0, i, j)
-        e1 = s1 - mul(load1(flexure, 3, i, j), a1) - mul(load1(flexure, 4, i, j), a2)
-        e2 = s2 - mul(load1(flexure, 5, i, j), a1) - mul(load1(flexure, 6, i, j), a2)
-        w = mul(load1(KB, 0, i, j), mul(e1, e1)) + mul(load1(KB, 2, i, j), mul(e2, e2))
-        return scale6(w + two * mul(load1(KB, 1, i, j), mul(e1, e2)), outer(n, n))
-
-    @wp.kernel(module=module)
-    def block_nodes(
-        KB: wp.array3d(dtype=real),
-        alpha_u: wp.array3d(dtype=real),
-        alpha_v: wp.array3d(dtype=real),
-        flexure: wp.array3d(dtype=real),
-        blocks_out: wp.array3d(dtype=real),
-    ):
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        none, once, centre = splat(zero), splat(one), splat(-two)
-        own1 = along_u(alpha_u, 1, i) - along_u(alpha_u, 0, i)
-        own2 = load1(alpha_v, 1, 0, j) - load1(alpha_v, 0, 0, j)
-        block = flexure_block(KB, flexure, i, j, centre, centre, own1, own2)
-        block = block + flexure_block(KB, flexure, i - 1, j, once, none, along_u(alpha_u, 0, i - 1), none)
-        block = block + flexure_block(KB, flexure, i + 1, j, once, none, none - along_u(alpha_u, 1, i + 1), none)
-        block = block + flexure_block(KB, flexure, i, j - 1, none, once, none, load1(alpha_v, 0, 0, j - 1))
-        block = block + flexure_block(KB, flexure, i, j + 1, none, once, none, none - load1(alpha_v, 1, 0, j + 1))
-        add6(blocks_out, 0, i, j, block)
-
     @wp.kernel(module=module)
     def measure_membrane(r: wp.array3d(dtype=real), q_out: wp.array3d(dtype=real)):
         ii, group = wp.tid()
@@ -507,8 +337,6 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
         gather=gather,
         energy_cells=energy_cells,
         energy_nodes=energy_nodes,
-        block_cells=block_cells,
-        block_nodes=block_nodes,
         measure_membrane=measure_membrane,
         measure_bending=measure_bending,
     )

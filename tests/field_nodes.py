@@ -100,7 +100,7 @@ class LooseNodes:
             self.iteration.fill_(iteration)
             slope = MASS / dt**2 * (z - target) + self.gradient(field, z)
             matrix = MASS / dt**2 * np.eye(3) + self.blocks(field)
-            newton: Points = -np.linalg.solve(matrix, slope[:, :, None])[:, :, 0]
+            newton = -np.linalg.solve(matrix, slope[:, :, None])[:, :, 0].astype(np.float64)
             d = self.guarded(field, z, newton)
             before, share = potential(z), np.ones(self.count)
             for _ in range(12):

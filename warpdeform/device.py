@@ -13,7 +13,6 @@ def find_device(name: str) -> Any:
     Raises:
         InputError: There is no such device; the message lists those that exist.
     """
-    vars(wp.config)["quiet"] = True
     wp.init()
     if name == "auto":
         return wp.get_preferred_device()

@@ -41,11 +41,11 @@ def evaluate(
     @wp.kernel(module="unique", enable_backward=False)
     def measure(o: wp.array(dtype=record), points: wp.array(dtype=geometry.V), out: wp.array(dtype=geometry.F)):  # type: ignore
         i = wp.tid()
-        out[i] = signed_distance(o[0], points[i], real(10.0))
+        out[i] = signed_distance(o[0], points[i], real(10.0), real(0.0))
 
     described = np.zeros(1, dtype=record.numpy_dtype())
     described["kind"], described["size"], described["half_thickness"] = KINDS.index(kind), size, half
-    described["mesh"] = 0 if mesh is None else mesh.id
+    described["mesh"], described["memory"] = (0, -1) if mesh is None else (mesh.id, 0)
     out = wp.full(len(points), geometry.F(*[real(np.nan)] * 4), dtype=geometry.F, device="cpu")
     inputs: list[Any] = [
         wp.array(described, dtype=record, device="cpu"),

@@ -103,7 +103,7 @@ class ObstacleField(Force):
 
     def begin(self, body: BodyArrays) -> None:
         if self._has_friction:
-            inputs = [body.layout.halo, body.mass, body.x, self._records, self._poses]
+            inputs = [body.layout.halo, body.mass, body.x, self._records, self._poses, self._memory]
             self._launch(body, self._kernels.begin_friction, inputs, [self._start, self._lagged])
 
     def linearise(self, body: BodyArrays, position: wp.array) -> None:

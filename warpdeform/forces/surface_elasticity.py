@@ -10,6 +10,7 @@ from warpdeform.forces.force import BodyArrays, Force
 from warpdeform.forces.surface_coefficients import SurfaceStiffness, surface_stiffness
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.kernels import surface as kernels
+from warpdeform.kernels.surface_blocks import surface_blocks
 from warpdeform.material import Material
 
 Array = NDArray[np.float64]
@@ -37,6 +38,7 @@ class SurfaceElasticity(Force):
         self.stiffness: SurfaceStiffness = surface_stiffness(grid, rest, material.surface())
         self.bending = self.stiffness.bending is not None
         self._dim, self._device = layout.lane_dim, device
+        self._lane_width, self._real = layout.lane_width, real
         self._words = kernels.surface(layout.lane_width, real, self.stiffness.orthogonal, self.bending)
 
         def upload(values: Array) -> wp.array:
@@ -65,9 +67,10 @@ class SurfaceElasticity(Force):
     @property
     def kernels(self) -> tuple[str, ...]:
         """Names of the kernels that a step launches."""
-        names = ["stress_cells", "product_cells", "gather", "energy_cells", "block_cells"]
-        names += ["stress_nodes", "product_nodes", "energy_nodes", "block_nodes"] if self.bending else []
-        return tuple(f"surface.{name}" for name in names)
+        places = ("cells", "nodes") if self.bending else ("cells",)
+        names = [f"{task}_{place}" for task in ("stress", "product", "energy") for place in places]
+        blocks = (f"surface_blocks.block_{place}" for place in places)
+        return (*(f"surface.{name}" for name in (*names, "gather")), *blocks)
 
     def bytes(self) -> int:
         """Device memory that the term keeps [bytes]."""
@@ -120,7 +123,7 @@ class SurfaceElasticity(Force):
 
     def add_block_diagonal(self, body: BodyArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian."""
-        k = self._words
+        k = surface_blocks(self._lane_width, self._real, self.stiffness.orthogonal, self.bending)
         self._launch(k.block_cells, self._position, self.K, self.tension, self.K12, self.twist, blocks)
         if self.bending:
             self._launch(k.block_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, blocks)

@@ -16,9 +16,11 @@ from warpdeform.study.picture.drawing import Drawing, Floats, Item, ground_heigh
 
 GROUND_COLOR = np.array([0.58, 0.565, 0.545])
 KEY_COLOR, SKY_COLOR = 0.95 * np.array([1.0, 0.95, 0.88]), 0.55 * np.array([0.92, 0.96, 1.05])
-PIECES = 100
+PIECES = 60
 """Triangles are cut until none is longer than the scene's diagonal divided by this: painting by distance needs it."""
 SHADOW_CELLS = 320
+OVERSAMPLING = 2
+"""Pixels are averaged over this many in each direction: smooth outlines."""
 
 
 def draw_with_matplotlib(
@@ -38,12 +40,15 @@ def draw_with_matplotlib(
     """
     try:
         from matplotlib.backends.backend_agg import FigureCanvasAgg
-        from matplotlib.collections import PolyCollection
+        from matplotlib.collections import TriMesh
         from matplotlib.figure import Figure
+        from matplotlib.image import imsave
+        from matplotlib.tri import Triangulation
     except ImportError as error:
         raise InputError(
             Mistake("engine", "matplotlib", f"cannot be used ({error})", "Run pip install 'warpdeform[pictures]'.")
         ) from None
+    large = (OVERSAMPLING * size[0], OVERSAMPLING * size[1])
     ground = ground_height(tuple(drawings))
     extent = max(float(np.linalg.norm(np.ptp(drawing.subject(), axis=0))) for drawing in drawings)
     light = _key_direction(view)
@@ -52,23 +57,24 @@ def draw_with_matplotlib(
         corners = np.concatenate([piece[0] for piece in pieces])
         shadow = ShadowMap(corners, light)
         shades = np.concatenate([_shade(*piece, view, shadow) for piece in pieces])
-        middles = corners.mean(axis=1)
-        pixels, depth = _project(corners.reshape(-1, 3), view, size)
-        far = _project(middles, view, size)[1]
-        seen = np.flatnonzero((depth.reshape(-1, 3) > 1e-3 * view.distance).all(axis=1))
-        order = seen[np.argsort(-far[seen], kind="stable")]
-        shapes = pixels.reshape(-1, 3, 2)[order]
-        color = _to_display(shades[order], exposure)
-        figure = Figure(figsize=(size[0] / 100, size[1] / 100), dpi=100)
+        pixels, depth = _project(corners.reshape(-1, 3), view, large)
+        nearest = depth.reshape(-1, 3).min(axis=1)
+        order = np.argsort(-_project(corners.mean(axis=1), view, large)[1], kind="stable")
+        order = order[nearest[order] > 1e-3 * view.distance]
+        figure = Figure(figsize=(large[0] / 100, large[1] / 100), dpi=100)
         canvas = FigureCanvasAgg(figure)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
         axes.set_axis_off()
         background = _to_display(_ground_picture(view, size, ground, shadow), exposure)
-        axes.imshow(background, extent=(0, size[0], size[1], 0), aspect="auto", interpolation="bilinear")
-        axes.add_collection(PolyCollection(list(shapes), facecolors=color, edgecolors=color, linewidths=0.35))
-        axes.set_xlim(0, size[0])
-        axes.set_ylim(size[1], 0)
-        canvas.print_png(str(output))
+        axes.imshow(background, extent=(0, large[0], large[1], 0), aspect="auto", interpolation="bilinear")
+        mesh = Triangulation(pixels[:, 0], pixels[:, 1], np.arange(len(pixels)).reshape(-1, 3)[order])
+        axes.add_collection(TriMesh(mesh, facecolors=_to_display(shades.reshape(-1, 3), exposure)), autolim=False)
+        axes.set_xlim(0, large[0])
+        axes.set_ylim(large[1], 0)
+        canvas.draw()
+        image = np.asarray(canvas.buffer_rgba())[: large[1], : large[0], :3].astype(np.float64)
+        blocks = image.reshape(size[1], OVERSAMPLING, size[0], OVERSAMPLING, 3)
+        imsave(str(output), np.rint(blocks.mean(axis=(1, 3))).astype(np.uint8))
 
 
 class ShadowMap:
@@ -115,38 +121,39 @@ def _key_direction(view: View) -> Floats:
 
 
 def _cut(item: Item, longest: float) -> tuple[Floats, Floats, Floats]:
-    """Corners (m, 3, 3), unit normals (m, 3) and colours (m, 3) of an item's triangles, none longer than `longest`."""
+    """Positions, unit normals and colours at the corners of an item's triangles, cut until no edge is above `longest`.
+
+    Each has shape (m, 3, 3): triangle, corner, value.
+    """
     corners, colors = item.points[item.triangles], item.colors[item.triangles]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     if item.normals is None:
         normals = np.repeat(flat[:, None, :], 3, axis=1)
     else:
         normals = item.normals[item.triangles]
+    normals = normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-30)
     values = np.concatenate([corners, normals, colors], axis=2)
     done = []
-    for _ in range(7):
-        edges = np.linalg.norm(values[:, :, :3] - np.roll(values[:, :, :3], 1, axis=1), axis=2)
+    while len(values):
+        edges = np.linalg.norm(values[:, :, :3] - np.roll(values[:, :, :3], -1, axis=1), axis=2)
         large = edges.max(axis=1) > longest
         done.append(values[~large])
-        a, b, c = values[large].swapaxes(0, 1)
-        ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
-        values = np.concatenate(
-            [np.stack(part, axis=1) for part in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
-        )
-    values = np.concatenate([*done, values])
-    normals = values[:, :, 3:6].mean(axis=1)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
-    return values[:, :, :3], normals, values[:, :, 6:].mean(axis=1)
+        turn = (edges[large].argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.take_along_axis(values[large], turn[:, :, None], axis=1).swapaxes(0, 1)
+        values = np.concatenate([np.stack([a, (a + b) / 2, c], axis=1), np.stack([(a + b) / 2, b, c], axis=1)])
+    values = np.concatenate(done)
+    return values[:, :, :3], values[:, :, 3:6], values[:, :, 6:]
 
 
 def _shade(corners: Floats, normals: Floats, colors: Floats, view: View, shadow: ShadowMap) -> Floats:
-    """Linear RGB of triangles, shape (m, 3): Lambert's law for the key light, a hemisphere for the sky; two-sided."""
-    middles = corners.mean(axis=1)
-    facing = np.sign(np.einsum("mx,mx->m", normals, view.position - middles))
-    normals = normals * np.where(facing == 0.0, 1.0, facing)[:, None]
-    key = np.maximum(normals @ shadow.axes[2], 0.0) * shadow.lit(middles)
-    sky = 0.62 + 0.38 * normals[:, 2]
-    return colors * (key[:, None] * KEY_COLOR + sky[:, None] * SKY_COLOR)
+    """Linear RGB at the corners, shape (m, 3, 3): Lambert's law for the key light, a hemisphere for the sky; two-sided."""
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    flat *= np.where(np.einsum("mx,mx->m", flat, normals.sum(axis=1)) < 0.0, -1.0, 1.0)[:, None]
+    away = np.einsum("mx,mx->m", flat, view.position - corners.mean(axis=1)) < 0.0
+    normals = np.where(away[:, None, None], -normals, normals)
+    key = np.maximum(normals @ shadow.axes[2], 0.0) * shadow.lit(corners.reshape(-1, 3)).reshape(-1, 3)
+    sky = 0.62 + 0.38 * normals[:, :, 2]
+    return colors * (key[:, :, None] * KEY_COLOR + sky[:, :, None] * SKY_COLOR)
 
 
 def _ground_picture(view: View, size: tuple[int, int], height: float, shadow: ShadowMap) -> Floats:

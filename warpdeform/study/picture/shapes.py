@@ -10,7 +10,7 @@ from warpdeform.study.picture.drawing import Floats, Ints
 
 Surface = tuple[Floats, Ints, Floats]
 
-SIDES = 128
+SIDES = 96
 """Corners of a circle: at 1280 pixels no straight piece of an outline can be seen."""
 
 
