@@ -44,8 +44,7 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
         strength: real  # V^2 / 2 of the field [m2/s2]
         eps: real
         cutoff: real
-        slack: real  # how deep the guard lets a node be sent below the surface
-        floor: real  # approach that the guard always allows
+        floor: real  # approach that the guard always allows [m]
         friction: real
         lagged: wp.int32  # first component of its lagged friction data, -1 without friction
         memory: wp.int32  # first component of its memory, -1 unless it is a mesh

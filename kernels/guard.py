@@ -54,10 +54,10 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
         return turned(pose, share, x - pose.position + (one - share) * pose.shift)
 
     @wp.func
-    def free_share(o: Obstacle, pose: Pose, x: V, d: V, slack: real, stop: real):
+    def free_share(o: Obstacle, pose: Pose, x: V, d: V, stop: real):
         """How much of the way from x to x + d a node may go while the obstacle makes its motion (sphere tracing).
 
-        It ends where distance plus slack has fallen to `stop` and goes on falling, or when the steps are used up.
+        It ends where the distance has fallen to `stop` and goes on falling, or when the steps are used up.
         """
         arm = wp.max(wp.length(x - pose.position + pose.shift), wp.length(x + d - pose.position))
         way = wp.length(d - pose.shift) + wp.length(pose.spin) * arm
@@ -68,13 +68,12 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
             for _ in range(256):
                 p = seen(pose, share, x + share * d)
                 f = signed_distance(o, p, way + stop, side)
-                room = f[3] + slack
-                step = room - near * stop
-                if room <= stop:
+                step = f[3] - near * stop
+                if f[3] <= stop:
                     drift = turned(pose, share, d - pose.shift) - wp.cross(wp.transpose(pose.rotation) * pose.spin, p)
                     if wp.dot(drift, V(f[0], f[1], f[2])) < zero:
                         return share
-                    step = wp.max(wp.abs(room), real(1e-4) * o.eps)
+                    step = wp.max(wp.abs(f[3]), real(1e-4) * o.eps)
                 side = side_within(f, step)
                 share += step / way
                 if share >= one:
@@ -83,10 +82,10 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
 
     @wp.func
     def approach(o: Obstacle, pose: Pose, memory: wp.array3d(dtype=real), i: int, j: int, z: V, length: real):
-        """The outward normal at z and the room before it [m]; a zero normal where a way of `length` does no harm."""
+        """The outward normal at z and 0.9 of the distance; a zero normal where a way of `length` [m] does no harm."""
         p = wp.transpose(pose.rotation) * (z - pose.position)
         f = remembered_distance(o, memory, i, j, p, real(1.2) * length)
-        room = near * (f[3] + o.slack)
+        room = near * f[3]
         result = F(zero, zero, zero, length)
         if length > room:
             n = pose.rotation * V(f[0], f[1], f[2])
@@ -131,12 +130,12 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
                     else:
                         if toward > allow + real(1e-6) * length:
                             d = (allow / toward) * d
-                        if hollow(o) and (a[3] > zero or o.slack == zero):
+                        if hollow(o) and (a[3] > zero or o.floor == zero):
                             still = Pose()
                             still.position = pose.position
                             still.rotation = pose.rotation
-                            stop = wp.max(a[3] / real(9.0), real(0.05) * o.eps)  # of the room a tenth, as above
-                            d = free_share(o, still, z, d, o.slack, stop) * d
+                            stop = wp.max(a[3] / real(9.0), real(0.05) * o.eps)  # a tenth of the distance, as above
+                            d = free_share(o, still, z, d, stop) * d
             if limits == 0:
                 sweep = 4
             elif limits == 1 and sweep < 3:
@@ -166,7 +165,7 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
             for k in range(obstacles.shape[0]):
                 o = obstacles[k]
                 pose = poses[k]
-                share = free_share(o, pose, x, z - x, zero, real(0.5) * o.eps)
+                share = free_share(o, pose, x, z - x, real(0.5) * o.eps)
                 if share < one:
                     z = pose.position + pose.rotation * seen(pose, share, x + share * (z - x))
         store3(start_out, 0, i, j, z)

@@ -125,10 +125,6 @@ def _scalar_words(real: Any) -> SimpleNamespace:
         return wp.max(a, floor)
 
     @wp.func
-    def magnitude(a: real):
-        return wp.abs(a)
-
-    @wp.func
     def sum_lanes(a: real):
         return wp.float64(a)
 
@@ -268,7 +264,8 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
     @wp.func_native(native(f"double s = 0.0; {each} s += (double)a.c[k]; return s;"))
     def sum_lanes(a: L) -> wp.float64: ...
 
-    @wp.func_native(native(f"{rn} m = a.c[0]; {each} m = a.c[k] > m ? a.c[k] : m; return m;"))
+    # A lane that is not a number wins and stays: no comparison with it holds.
+    @wp.func_native(native(f"{rn} m = a.c[0]; {each} m = a.c[k] > m || a.c[k] != a.c[k] ? a.c[k] : m; return m;"))
     def max_lanes(a: L) -> real: ...
 
     def at(name: str, k: int) -> str:

@@ -1,13 +1,35 @@
-"""Meshes and reference distances for obstacle tests, by other formulas than the kernels'."""
+"""Obstacles, meshes and reference distances for obstacle tests, by other formulas than the kernels'."""
 
 import itertools
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warpdeform.obstacle import Obstacle
+
 Points = NDArray[np.float64]
 Faces = NDArray[np.int64]
+
+
+PRIMITIVES: dict[str, dict[str, Any]] = {
+    "plane": {},
+    "sphere": {"radius": 0.5},
+    "box": {"size": (1.2, 0.6, 0.4)},
+    "capsule": {"radius": 0.25, "height": 0.8},
+    "cylinder": {"radius": 0.4, "height": 1.0},
+    "cone": {"radius": 0.4, "height": 1.2},
+    "torus": {"radius": 0.5, "tube_radius": 0.2},
+}
+
+
+def obstacle(kind: str, **words: Any) -> Obstacle:
+    """One of `PRIMITIVES`, or the box as a mesh."""
+    if kind == "mesh":
+        vertices, faces = box_mesh((1.2, 0.6, 0.4))
+        return Obstacle(kind, vertices=vertices, faces=faces, **words)
+    return Obstacle(kind, PRIMITIVES[kind], **words)
 
 
 def box_mesh(size: Sequence[float]) -> tuple[Points, Faces]:

@@ -102,7 +102,6 @@ class _Chart:
         self.edges_v = np.sum((r01 - r00) ** 2, axis=-1), np.sum((r11 - r10) ** 2, axis=-1)
         self.g11, self.g12, self.g22 = (np.sum(a * b, axis=-1) for a, b in self._pairs())
         self.area = np.sqrt(np.maximum(self.g11 * self.g22 - self.g12**2, 0.0))
-        self.cosine = self.g12 / np.sqrt(self.g11 * self.g22)
         if np.any(self.area <= 1e-6 * np.sqrt(self.g11 * self.g22)):
             i, j = np.argwhere(self.area <= 1e-6 * np.sqrt(self.g11 * self.g22))[0]
             raise InputError(
@@ -110,6 +109,7 @@ class _Chart:
                     "shape", [int(i), int(j)], "has a cell without area", "Give a rest shape whose cells are quads."
                 )
             )
+        self.cosine = self.g12 / np.sqrt(self.g11 * self.g22)
 
     def _pairs(self) -> list[tuple[Array, Array]]:
         return [(self.m1, self.m1), (self.m1, self.m2), (self.m2, self.m2)]

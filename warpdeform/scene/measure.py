@@ -24,7 +24,7 @@ def samples(positions: Array) -> Array:
 def depth(obstacle: Obstacle, points: Array, time: float) -> float:
     """How deep the deepest of some points is inside an obstacle [m]; 0 if all are outside.
 
-    Knows plane, sphere, cylinder and solid meshes, for which it is the height below the surface.
+    Knows plane, sphere, cylinder and solid meshes.
 
     Args:
         obstacle: The obstacle.
@@ -36,7 +36,9 @@ def depth(obstacle: Obstacle, points: Array, time: float) -> float:
     if obstacle.kind == "mesh":
         assert obstacle.vertices is not None
         assert obstacle.faces is not None
-        return float(np.max(_depth_in_mesh(local, obstacle.vertices, obstacle.faces), initial=0.0))
+        corners = obstacle.vertices[obstacle.faces]
+        inside = local[_in_mesh(local, corners)]
+        return max((_distance(point, corners) for point in inside[:: 1 + len(inside) // 100]), default=0.0)
     radius, half_height, _ = obstacle.size_vector
     around = radius - np.linalg.norm(local[:, :2], axis=1)
     inside = {
@@ -47,30 +49,66 @@ def depth(obstacle: Obstacle, points: Array, time: float) -> float:
     return max(0.0, float(inside.max()))
 
 
-def _depth_in_mesh(points: Array, vertices: Array, faces: NDArray[np.int64]) -> Array:
-    """Height of points below the next surface above, where an odd number of surfaces is above; else 0."""
-    corners = vertices[faces]
-    low, high = corners.min(axis=1), corners.max(axis=1)
+def _in_mesh(points: Array, corners: Array) -> NDArray[np.bool_]:
+    """Which points have an odd number of triangles straight above them.
+
+    Args:
+        points: Points, shape (k, 3).
+        corners: Corners of the triangles, shape (m, 3, 3).
+    """
     # Off the vertices' coordinates by a shift that no mesh shares, so that no ray meets an edge.
     x, y, z = points.T + np.array([[1.234e-9], [2.345e-9], [0.0]])
-    above = [(low[:, k, None] < p) & (p < high[:, k, None]) for k, p in ((0, x), (1, y))]
-    face, point = np.nonzero(above[0] & above[1] & (high[:, 2, None] > z))
+    point, face = _pairs_in_x(x, corners[..., 0])
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    near = (low[face, 1] < y[point]) & (y[point] < high[face, 1]) & (high[face, 2] > z[point])
+    point, face = point[near], face[near]
     a, b, c = (corners[face, k] for k in range(3))
-    px, py = x[point], y[point]
 
     def side(p: Array, q: Array) -> Array:
-        return (q[:, 0] - p[:, 0]) * (py - p[:, 1]) - (q[:, 1] - p[:, 1]) * (px - p[:, 0])
+        return (q[:, 0] - p[:, 0]) * (y[point] - p[:, 1]) - (q[:, 1] - p[:, 1]) * (x[point] - p[:, 0])
 
     wa, wb, wc = side(b, c), side(c, a), side(a, b)
-    total = wa + wb + wc
-    hit = ((wa > 0) == (wb > 0)) & ((wb > 0) == (wc > 0)) & (total != 0)
-    height = (wa * a[:, 2] + wb * b[:, 2] + wc * c[:, 2])[hit] / total[hit] - z[point[hit]]
-    over = height > 0
-    struck, heights = point[hit][over], height[over]
-    crossings = np.bincount(struck, minlength=len(points))
-    nearest = np.full(len(points), np.inf)
-    np.minimum.at(nearest, struck, heights)
-    return np.where(crossings % 2 == 1, nearest, 0.0)
+    hit = ((wa > 0) == (wb > 0)) & ((wb > 0) == (wc > 0))
+    height = (wa * a[:, 2] + wb * b[:, 2] + wc * c[:, 2])[hit] / (wa + wb + wc)[hit] - z[point[hit]]
+    return np.bincount(point[hit][height > 0], minlength=len(points)) % 2 == 1
+
+
+def _pairs_in_x(x: Array, corners: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Points and triangles that may overlap in x: indices of both.
+
+    Args:
+        x: Of the points, shape (k,).
+        corners: x of the corners of the triangles, shape (m, 3).
+    """
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    order = np.argsort(low)
+    first = np.searchsorted(low[order], x - (high - low).max())
+    count = np.searchsorted(low[order], x) - first
+    point = np.repeat(np.arange(len(x)), count)
+    step = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    face = order[first[point] + step]
+    inside = x[point] < high[face]
+    return point[inside], face[inside]
+
+
+def _distance(point: Array, corners: Array) -> float:
+    """Distance of a point from the nearest triangle [m].
+
+    Args:
+        point: The point, shape (3,).
+        corners: Corners of the triangles, shape (m, 3, 3).
+    """
+    a, b, c = (corners[:, k] - point for k in range(3))
+    normal = np.cross(b - a, c - a)
+    above = np.einsum("ij,ij->i", a, normal) / np.maximum(np.linalg.norm(normal, axis=1), 1e-30)
+    within = np.ones(len(a), dtype=bool)
+    nearest = np.full(len(a), np.inf)
+    for p, q in ((a, b), (b, c), (c, a)):
+        edge = q - p
+        within &= np.einsum("ij,ij->i", np.cross(edge, -p), normal) >= 0
+        along = np.clip(-np.einsum("ij,ij->i", p, edge) / np.maximum(np.einsum("ij,ij->i", edge, edge), 1e-30), 0, 1)
+        nearest = np.minimum(nearest, np.linalg.norm(p + along[:, None] * edge, axis=1))
+    return float(np.where(within, np.abs(above), nearest).min())
 
 
 def asymmetry(positions: Array, axis: int, across: int) -> float:

@@ -76,7 +76,7 @@ def draw_with_blender(
     with tempfile.TemporaryDirectory(prefix="warpdeform-picture-") as folder:
         arrays: dict[str, np.ndarray] = {}
         job = {
-            "frames": [_frame(k, drawing, output, arrays) for k, (drawing, output) in enumerate(zip(drawings, outputs, strict=True))],
+            "frames": [_frame(k, *pair, arrays) for k, pair in enumerate(zip(drawings, outputs, strict=True))],
             "size": list(size),
             "samples": samples,
             "denoise": True,
@@ -95,7 +95,7 @@ def draw_with_blender(
             },
         }
         Path(folder, "job.json").write_text(json.dumps(job))
-        np.savez(Path(folder, "arrays.npz"), **arrays)
+        np.savez(Path(folder, "arrays.npz"), **arrays)  # type: ignore[arg-type]
         _run(python, folder)
     for output in outputs:
         if not output.is_file():

@@ -91,7 +91,8 @@ def place_camera(camera: Camera, subject: Floats, size: tuple[int, int]) -> View
         target = middle if camera.target is None else np.array(camera.target, dtype=np.float64)
         return View(position, _axes(position - target), camera.lens, float(np.linalg.norm(position - middle)))
     azimuth, elevation = np.radians([camera.azimuth, camera.elevation])
-    axes = _axes(np.array([np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)]))
+    level = np.cos(elevation)
+    axes = _axes(np.array([np.cos(azimuth) * level, np.sin(azimuth) * level, np.sin(elevation)]))
     right, up, ahead = subject @ axes[0], subject @ axes[1], -subject @ axes[2]
     half = SENSOR / (2.0 * camera.lens * MARGIN * max(size)) * np.array(size, dtype=np.float64)
     place, depth = np.zeros(2), np.zeros(2)

@@ -42,8 +42,8 @@ class Nodes:
     def add(self, kind: str, inputs: dict[str | int, Any] | None = None, **settings: Any) -> Any:
         """Add a node; an input is a value or the output socket of another node."""
         node = self.tree.nodes.new(f"ShaderNode{kind}")
-        for name, value in settings.items():
-            setattr(node, name, value)
+        for setting, value in settings.items():
+            setattr(node, setting, value)
         for name, value in (inputs or {}).items():
             if isinstance(value, bpy.types.NodeSocket):
                 self.tree.links.new(value, node.inputs[name])
@@ -127,7 +127,8 @@ def add_ground(height: float, middle: list[float], extent: float) -> None:
     fade = nodes.add("MapRange", {"Value": away, "From Min": 1.5 * extent, "From Max": 9.0 * extent},
                      interpolation_type="SMOOTHSTEP")  # fmt: skip
     floor = nodes.add("BsdfDiffuse", {"Color": GROUND_COLOR, "Roughness": 0.6})
-    mixed = nodes.add("MixShader", {0: fade.outputs[0], 1: floor.outputs[0], 2: nodes.add("BsdfTransparent").outputs[0]})
+    gone = nodes.add("BsdfTransparent")
+    mixed = nodes.add("MixShader", {0: fade.outputs[0], 1: floor.outputs[0], 2: gone.outputs[0]})
     nodes.add("OutputMaterial", {"Surface": mixed.outputs[0]})
     mesh.materials.append(material)
     bpy.context.collection.objects.link(bpy.data.objects.new("ground", mesh))
@@ -183,7 +184,8 @@ def prepare_renderer(job: dict[str, Any]) -> None:
     if cycles.use_denoising:
         cycles.denoiser, cycles.denoising_prefilter = "OPENIMAGEDENOISE", "FAST"
     render = scene.render
-    render.resolution_x, render.resolution_y, render.resolution_percentage = *job["size"], 100
+    render.resolution_x, render.resolution_y = job["size"]
+    render.resolution_percentage = 100
     render.threads_mode = "FIXED" if job["threads"] else "AUTO"
     if job["threads"]:
         render.threads = job["threads"]

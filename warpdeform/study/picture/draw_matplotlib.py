@@ -58,9 +58,11 @@ def draw_with_matplotlib(
         shadow = ShadowMap(corners, light)
         shades = np.concatenate([_shade(*piece, view, shadow) for piece in pieces])
         pixels, depth = _project(corners.reshape(-1, 3), view, large)
-        nearest = depth.reshape(-1, 3).min(axis=1)
-        order = np.argsort(-_project(corners.mean(axis=1), view, large)[1], kind="stable")
-        order = order[nearest[order] > 1e-3 * view.distance]
+        depth = depth.reshape(-1, 3)
+        is_body = np.repeat([item.role == "body" for item in drawing.items], [len(piece[0]) for piece in pieces])
+        # Cloth lies on things: where both are about as far, its nearest corner counts against their farthest.
+        order = np.argsort(-np.where(is_body, depth.min(axis=1), depth.max(axis=1)), kind="stable")
+        order = order[depth.min(axis=1)[order] > 1e-3 * view.distance]
         figure = Figure(figsize=(large[0] / 100, large[1] / 100), dpi=100)
         canvas = FigureCanvasAgg(figure)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -108,7 +110,7 @@ class ShadowMap:
         steps = (-2.0, -1.0, 0.0, 1.0, 2.0)
         for du in steps:
             for dv in steps:
-                moved = local + [du * self.cell, dv * self.cell, 0.0]
+                moved = local[:, :2] + np.array([du, dv]) * self.cell
                 total += self.nearest[self._cells(moved)] <= local[:, 2] + 4.0 * self.cell
         return total / len(steps) ** 2
 
@@ -127,10 +129,7 @@ def _cut(item: Item, longest: float) -> tuple[Floats, Floats, Floats]:
     """
     corners, colors = item.points[item.triangles], item.colors[item.triangles]
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    if item.normals is None:
-        normals = np.repeat(flat[:, None, :], 3, axis=1)
-    else:
-        normals = item.normals[item.triangles]
+    normals = np.repeat(flat[:, None, :], 3, axis=1) if item.normals is None else item.normals[item.triangles]
     normals = normals / np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-30)
     values = np.concatenate([corners, normals, colors], axis=2)
     done = []
@@ -146,7 +145,7 @@ def _cut(item: Item, longest: float) -> tuple[Floats, Floats, Floats]:
 
 
 def _shade(corners: Floats, normals: Floats, colors: Floats, view: View, shadow: ShadowMap) -> Floats:
-    """Linear RGB at the corners, shape (m, 3, 3): Lambert's law for the key light, a hemisphere for the sky; two-sided."""
+    """Linear RGB at the corners, shape (m, 3, 3): Lambert's law for the key light, a hemisphere for the sky."""
     flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     flat *= np.where(np.einsum("mx,mx->m", flat, normals.sum(axis=1)) < 0.0, -1.0, 1.0)[:, None]
     away = np.einsum("mx,mx->m", flat, view.position - corners.mean(axis=1)) < 0.0
@@ -157,7 +156,7 @@ def _shade(corners: Floats, normals: Floats, colors: Floats, view: View, shadow:
 
 
 def _ground_picture(view: View, size: tuple[int, int], height: float, shadow: ShadowMap) -> Floats:
-    """The empty ground with the shadows on it as linear RGB, shape (height, width, 3); above the horizon the same tone."""
+    """The ground with the shadows on it, linear RGB of shape (height, width, 3); beyond the horizon the same tone."""
     x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1]) + 0.5)
     scale = SENSOR / (view.lens * max(size))
     rays = np.stack([(x - size[0] / 2) * scale, (size[1] / 2 - y) * scale, np.full_like(x, -1.0)], axis=-1) @ view.axes

@@ -1,4 +1,4 @@
-"""What a picture shows: triangle meshes with colours, and the ground they stand on. Both engines draw this and nothing else."""
+"""What a picture shows: triangle meshes with colours, and the ground they stand on. Both engines draw just this."""
 
 from __future__ import annotations
 

@@ -11,23 +11,22 @@ from warpdeform.study.picture.drawing import Floats, Ints
 Surface = tuple[Floats, Ints, Floats]
 
 SIDES = 96
-"""Corners of a circle: at 1280 pixels no straight piece of an outline can be seen."""
+"""Corners of a circle."""
 
 
 def revolved(pieces: Sequence[Floats]) -> Surface:
     """Turn profiles about the z axis; between two pieces lies a sharp edge.
 
     Args:
-        pieces: Each of shape (k, 4): radius, height, and the profile's normal there (radial, axial), from the bottom up.
+        pieces: Each of shape (k, 4): radius, height, and the profile's normal there (radial, axial), bottom first.
     """
     angle = np.linspace(0.0, 2.0 * np.pi, SIDES, endpoint=False)
     around = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
     points, triangles, normals, first = [], [], [], 0
     for piece in pieces:
-        radius, height, radial, axial = piece.T[:, :, None]
-        ring = np.broadcast_to(around, (len(piece), SIDES, 2))
-        points.append(np.concatenate([radius[..., None] * ring, np.broadcast_to(height, radius.shape[:1] + (SIDES,))[..., None]], axis=-1))
-        normals.append(np.concatenate([radial[..., None] * ring, np.broadcast_to(axial, radius.shape[:1] + (SIDES,))[..., None]], axis=-1))
+        rings = np.repeat(piece[:, None, :], SIDES, axis=1)
+        points.append(np.concatenate([rings[:, :, :1] * around, rings[:, :, 1:2]], axis=-1))
+        normals.append(np.concatenate([rings[:, :, 2:3] * around, rings[:, :, 3:]], axis=-1))
         lower = first + np.arange(len(piece) - 1)[:, None] * SIDES + np.arange(SIDES)
         beside = first + np.arange(len(piece) - 1)[:, None] * SIDES + np.roll(np.arange(SIDES), -1)
         triangles.append(np.stack([lower, beside, beside + SIDES], axis=-1).reshape(-1, 3))
@@ -81,7 +80,9 @@ def plane(width: float, length: float) -> Surface:
 
 
 def cube(size: float) -> Surface:
-    points, triangles, normals = [], [], []
+    points: list[Floats] = []
+    triangles: list[Ints] = []
+    normals: list[Floats] = []
     for axis in range(3):
         for sign in (1.0, -1.0):
             face, quads, facing = plane(size, size)

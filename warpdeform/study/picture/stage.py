@@ -201,7 +201,7 @@ def _read_solid(prim: Usd.Prim, time_code: Usd.TimeCode) -> tuple[Floats, Ints, 
 
 
 def _read_mesh(mesh: Any, time_code: Usd.TimeCode) -> tuple[tuple[Floats, Ints, Floats | None] | None, Floats | None]:
-    """Triangles and colours of a mesh; its vertices are split at the corners where a value differs from face to face."""
+    """Triangles and colours of a mesh; its vertices are split where a value differs from face to face."""
     from pxr import UsdGeom
 
     points = np.array(mesh.GetPointsAttr().Get(time_code) or np.zeros((0, 3)), dtype=np.float64)
