@@ -44,7 +44,8 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
         strength: real  # V^2 / 2 of the field [m2/s2]
         eps: real
         cutoff: real
-        floor: real  # approach that the guard always allows [m]
+        gap: real  # distance at rest [m]
+        floor: real  # approach that the guard allows to a node that is inside [m]
         friction: real
         lagged: wp.int32  # first component of its lagged friction data, -1 without friction
         memory: wp.int32  # first component of its memory, -1 unless it is a mesh

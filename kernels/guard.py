@@ -1,9 +1,9 @@
 """What forbids crossing: the guard cuts displacements towards obstacles, the carry moves nodes out of their way.
 
 A finite potential cannot forbid crossing, these rules on displacements do, however badly Newton has converged
-(design 5.1). A node may approach an obstacle by at most 0.9 of its distance per update; only the approaching component
-is cut. All that lies beyond the plane through the nearest point of a convex obstacle is safe; near others the way is
-traced.
+(design 5.1). A node may approach an obstacle by at most 0.9 of its distance per update, and never nearer than 0.15 of
+the gap: however hard it is pressed, the guard carries what the field does not. Only the approaching component is cut.
+All that lies beyond the plane through the nearest point of a convex obstacle is safe; near others the way is traced.
 """
 
 import functools
@@ -30,7 +30,7 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
     Obstacle, Pose, F = geometry.Obstacle, geometry.Pose, geometry.F
     signed_distance, side_within = geometry.signed_distance, geometry.side_within
     remembered_distance = geometry.remembered_distance
-    zero, one, near = real(0.0), real(1.0), real(0.9)
+    zero, one, near, nearest = real(0.0), real(1.0), real(0.9), real(0.15)
     hollow_codes = sum(1 << code for code, kind in enumerate(KINDS) if kind not in CONVEX)
     module = kernel_module("guard" + "_mesh" * with_mesh, 1, real)
 
@@ -52,6 +52,14 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
     def seen(pose: Pose, share: real, x: V):
         """The point x in the obstacle's frame when a share of its motion in the step is done."""
         return turned(pose, share, x - pose.position + (one - share) * pose.shift)
+
+    @wp.func
+    def standing(pose: Pose):
+        """The pose at the end of the stage, without the motion that led there."""
+        still = Pose()
+        still.position = pose.position
+        still.rotation = pose.rotation
+        return still
 
     @wp.func
     def free_share(o: Obstacle, pose: Pose, x: V, d: V, stop: real):
@@ -82,10 +90,12 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
 
     @wp.func
     def approach(o: Obstacle, pose: Pose, memory: wp.array3d(dtype=real), i: int, j: int, z: V, length: real):
-        """The outward normal at z and 0.9 of the distance; a zero normal where a way of `length` [m] does no harm."""
+        """The outward normal at z and the way a node may go against it; a zero normal where `length` [m] does no harm."""
         p = wp.transpose(pose.rotation) * (z - pose.position)
-        f = remembered_distance(o, memory, i, j, p, real(1.2) * length)
-        room = near * f[3]
+        f = remembered_distance(o, memory, i, j, p, real(1.2) * length + nearest * o.gap)
+        room = o.floor
+        if f[3] > zero:
+            room = wp.max(wp.min(near * f[3], f[3] - nearest * o.gap), zero)
         result = F(zero, zero, zero, length)
         if length > room:
             n = pose.rotation * V(f[0], f[1], f[2])
@@ -123,19 +133,16 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
                 n = V(a[0], a[1], a[2])
                 if wp.dot(n, n) > zero:
                     limits += 1
-                    allow = wp.max(a[3], o.floor)
+                    allow = a[3]
                     toward = -wp.dot(d, n)
                     if sweep < 3:
                         d += wp.max(toward - allow, zero) * n
                     else:
                         if toward > allow + real(1e-6) * length:
                             d = (allow / toward) * d
-                        if hollow(o) and (a[3] > zero or o.floor == zero):
-                            still = Pose()
-                            still.position = pose.position
-                            still.rotation = pose.rotation
-                            stop = wp.max(a[3] / real(9.0), real(0.05) * o.eps)  # a tenth of the distance, as above
-                            d = free_share(o, still, z, d, stop) * d
+                        if hollow(o):
+                            stop = wp.max(allow / real(9.0), nearest * o.gap)  # where the rule above leaves it
+                            d = free_share(o, standing(pose), z, d, stop) * d
             if limits == 0:
                 sweep = 4
             elif limits == 1 and sweep < 3:
@@ -170,4 +177,39 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
                     z = pose.position + pose.rotation * seen(pose, share, x + share * (z - x))
         store3(start_out, 0, i, j, z)
 
-    return SimpleNamespace(guard_direction=guard_direction, carry_nodes=carry_nodes)
+    @wp.kernel(module=module)
+    def foresee_impacts(
+        halo: int,
+        free: wp.array3d(dtype=real),
+        position: wp.array3d(dtype=real),
+        predicted: wp.array3d(dtype=real),
+        obstacles: wp.array(dtype=Obstacle),
+        poses: wp.array(dtype=Pose),
+        memory: wp.array3d(dtype=real),
+        impact_out: wp.array(dtype=wp.int32),
+    ):
+        """Set the flag if a node on its way to `predicted` comes into a field, and nearer by more than the gap.
+
+        Obstacles are taken to go on as they did in the step before.
+        """
+        row, column = wp.tid()
+        i = row + 1
+        j = column + halo
+        if load1(free, 0, i, j) == zero:
+            return
+        x = load3(position, 0, i, j)
+        d = load3(predicted, 0, i, j) - x
+        for k in range(obstacles.shape[0]):
+            o = obstacles[k]
+            pose = poses[k]
+            way = d - pose.shift
+            length = wp.length(way)
+            if length > o.gap:
+                p = wp.transpose(pose.rotation) * (x - pose.position)
+                f = remembered_distance(o, memory, i, j, p, length + o.cutoff)
+                toward = -wp.dot(wp.transpose(pose.rotation) * way, V(f[0], f[1], f[2]))
+                if f[3] < length + o.cutoff and toward > o.gap:
+                    if free_share(o, standing(pose), x, way, o.cutoff) < one:
+                        impact_out[0] = 1
+
+    return SimpleNamespace(guard_direction=guard_direction, carry_nodes=carry_nodes, foresee_impacts=foresee_impacts)

@@ -81,6 +81,15 @@ class LooseNodes:
         field.carry(self, start)
         return self.download(start)
 
+    def foreseen(self, field: ObstacleField, ways: dict[int, ArrayLike]) -> bool:
+        """Whether the ways of some nodes, from where they are, end in an impact."""
+        d = np.zeros_like(self.position)
+        for node, way in ways.items():
+            d[node] = way
+        impact = wp.zeros(1, dtype=wp.int32, device=self.device)
+        field.foresee(self, self.upload(self.position + d), impact)
+        return bool(impact.numpy()[0])
+
     def prepare(self, field: ObstacleField, dt: float) -> None:
         field.prepare(self.time + dt, dt, dt)
         self.x.assign(self.upload(self.position))

@@ -37,6 +37,7 @@ class StepRecord:
         cg_capped: Linear solves that reached the cap before the tolerance.
         residual: Largest unbalanced force over node mass [N/kg].
         work: Work of pins, wind, drag and friction on the bodies [J].
+        impact_ahead: A node is about to hit an obstacle: the next step starts afresh, without history.
     """
 
     outcome: Outcome
@@ -46,6 +47,7 @@ class StepRecord:
     cg_capped: int
     residual: float
     work: float
+    impact_ahead: bool = False
 
 
 @dataclass

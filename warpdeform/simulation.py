@@ -121,7 +121,8 @@ class Simulation:
         if report.outcome is Outcome.NOT_FINITE or not np.isfinite(report.residual):
             raise self._failure(end)
         self._steps += 1
-        self._dt_before = self.dt
+        # The step of an impact is backward Euler: BDF2 would extrapolate the speed from before it and bounce off.
+        self._dt_before = None if report.impact_ahead else self.dt
         return report
 
     def advance_frame(self) -> None:

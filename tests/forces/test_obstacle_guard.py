@@ -68,13 +68,13 @@ def test_only_the_approaching_component_is_cut() -> None:
     np.testing.assert_allclose(guarded, [[0.3, 0, -0.09], [0.3, 0, -0.05], [0.0, 0.2, 1.0]])
 
 
-def test_a_solid_never_holds_a_node_in_place() -> None:
-    f = np.array([0.01, 1e-5, -0.001, -0.1])
+def test_a_solid_lets_no_node_nearer_than_a_part_of_its_gap_and_gives_way_to_those_inside() -> None:
+    f = np.array([0.01, 1e-3, 1e-5, -0.001, -0.1])
     nodes = LooseNodes(np.stack([0.5 + f, 0 * f, 0 * f], axis=1))
-    field = nodes.field(Obstacle("sphere", {"radius": 0.5}))
+    field = nodes.field(Obstacle("sphere", {"radius": 0.5}, gap=0.002))
     eps = field.constants[0].range
-    guarded = nodes.guarded(field, nodes.position, np.tile([-1.0, 0.0, 0.0], (4, 1)))
-    np.testing.assert_allclose(guarded[:, 0], [-0.009, -0.5 * eps, -0.5 * eps, -0.5 * eps])
+    guarded = nodes.guarded(field, nodes.position, np.tile([-1.0, 0.0, 0.0], (5, 1)))
+    np.testing.assert_allclose(guarded[:, 0], [-0.009, -0.0007, 0.0, -0.5 * eps, -0.5 * eps], rtol=1e-6)
 
 
 def test_a_corner_of_two_obstacles_holds() -> None:
@@ -181,3 +181,10 @@ def test_nodes_dropped_at_10_m_per_s_do_not_pass(kind: str, dt: float) -> None:
         nodes.step(field, dt, 6)
         assert nodes.position[:, 2].min() > top + 0.1 * it.gap
     np.testing.assert_allclose(nodes.position[:, 2], top + it.gap, rtol=1e-2, atol=0.01 * it.gap)
+
+
+def test_an_impact_is_foreseen_and_a_gentle_landing_is_not() -> None:
+    nodes = LooseNodes([[0.0, 0.0, 0.1], [1.0, 0.0, 0.0025], [2.0, 0.0, 0.3]])
+    field = nodes.field(Obstacle("plane", gap=0.002))
+    ways = {0: [0.0, 0.0, -0.2], 1: [0.5, 0.0, -0.001], 2: [0.0, 0.0, -0.2]}
+    assert [nodes.foreseen(field, {k: way}) for k, way in ways.items()] == [True, False, False]

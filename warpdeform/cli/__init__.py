@@ -1,12 +1,12 @@
 """The command line, `warpdeform`: one module per command.
 
 Modules of this package import typer and the standard library alone; a command loads what it needs when it runs, so that
-`warpdeform --help` answers at once. A group of commands is added with `app.add_typer(group, name="bench")` under the
-same rule.
+`warpdeform --help` answers at once. A group of commands is a typer of its own under the same rule, as `bench` is.
 """
 
 import typer
 
+from warpdeform.cli.bench import bench
 from warpdeform.cli.check import check
 from warpdeform.cli.info import info
 from warpdeform.cli.run import run
@@ -40,6 +40,7 @@ def _main(
 
 for command in (run, check, info, scenes):
     app.command()(command)
+app.add_typer(bench, name="bench")
 
 
 def main() -> None:

@@ -89,6 +89,9 @@ class Force:
     def guard(self, body: BodyArrays, position: wp.array, direction: wp.array) -> None:
         """Clip the displacement `direction` from `position` so that no node crosses an obstacle."""
 
+    def foresee(self, body: BodyArrays, predicted: wp.array, impact: wp.array) -> None:
+        """Set `impact` (int32, shape (1,)) if the way from `body.x` to `predicted` ends in an impact (obstacles only)."""
+
     def finish(self, body: BodyArrays) -> None:
         """The step is accepted: store what the next one starts from (friction anchors)."""
 

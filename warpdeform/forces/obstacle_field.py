@@ -21,11 +21,10 @@ _meshes: "weakref.WeakKeyDictionary[Obstacle, dict[str, wp.Mesh]]" = weakref.Wea
 class ObstacleField(Force):
     """The obstacles of a scene acting on one body, all of them in each launch.
 
-    The field is the force; the guard forbids crossing: per update a node may go 0.9 of its distance towards an
-    obstacle. Solids as deep as their gap or deeper always let it approach by half of eps, so that nothing sticks to
-    their surface; thin obstacles (a plate thinner than two gaps, the cone with its tip, meshes) do not. Design 5.1 lets
-    nodes go half the inradius below the surface of solids; that left nodes of a sheet dropped at 10 m/s up to 0.7 gaps
-    inside a sphere where Newton was capped, and none without it.
+    The field is the force; the guard forbids crossing. It lets no node that is outside come nearer than 0.15 gaps, and a
+    node that is inside a solid move by half of eps against it at a time; the slack of half the inradius of design 5.1 let
+    nodes through by 0.7 gaps where Newton was capped. Thin obstacles (a plate thinner than two gaps, the cone with its
+    tip, meshes) give no way at all.
 
     `linearise` keeps gradient and blocks; `finish` expects the accepted position in `body.x`. In `prepare`, dt is the
     time from the start of the step to the end of the stage.
@@ -133,6 +132,10 @@ class ObstacleField(Force):
         inputs = [body.layout.halo, body.free, position, self._records, self._poses, self._memory]
         self._launch(body, self._guards.guard_direction, inputs, [direction])
 
+    def foresee(self, body: BodyArrays, predicted: wp.array, impact: wp.array) -> None:
+        inputs = [body.layout.halo, body.free, body.x, predicted, self._records, self._poses, self._memory]
+        self._launch(body, self._guards.foresee_impacts, inputs, [impact])
+
     def finish(self, body: BodyArrays) -> None:
         if self._has_friction:
             inputs = [body.layout.halo, body.mass, body.x, self._start, self._records, self._poses]
@@ -150,7 +153,7 @@ class ObstacleField(Force):
             record["kind"], record["size"] = KINDS.index(each.kind), each.size_vector
             record["half_thickness"] = 0.5 * each.thickness
             record["strength"], record["eps"] = 0.5 * constants.design_speed**2, constants.range
-            record["cutoff"] = constants.cutoff
+            record["cutoff"], record["gap"] = constants.cutoff, each.gap
             record["floor"] = 0.5 * constants.range if each.inradius >= each.gap else 0.0
             record["friction"], record["lagged"], record["memory"] = each.friction, -1, -1
             if each.friction > 0.0:

@@ -6,7 +6,8 @@ One stage, in the order in which it is recorded (design 2.1, 5.1, 6.1):
     start: the old positions carried out of the way of moving obstacles, or - if its potential is no higher - the
            predictor, reached by a displacement that the obstacles' guard has clipped
     Newton: linearise, gradient, conjugate gradient, guard, Armijo search, stop test
-    end: residual, work of the loads, new state, friction anchors
+    end: residual, work of the loads, new state, friction anchors; whether the next step meets an impact, which a
+         method with a history must not extrapolate through
 """
 
 from collections.abc import Sequence
@@ -30,6 +31,10 @@ NEWTON_CAP = 100
 """Most Newton iterations of a step that iterates to a tolerance."""
 ULPS = 8.0
 """Relative round-off of a potential, in units of the precision's epsilon: a sum of products of differences."""
+
+
+W, Y, START = range(3)
+"""Rows of the weights that make the stage vectors."""
 
 
 class NewtonSolver:
@@ -57,6 +62,7 @@ class NewtonSolver:
             self.operator, self.preconditioner, self.sums, settings.cg_tolerance, settings.cg_iterations
         )
         self._scalars: wp.array = wp.zeros(entries.STEP_SCALARS, dtype=wp.float64, device=device)
+        self._impact: wp.array = wp.zeros(1, dtype=wp.int32, device=device)
         self._state: wp.array = wp.zeros(entries.STEP_STATE, dtype=wp.int32, device=device)
         self._newton_active = self._state[entries.NEWTON_ACTIVE : entries.NEWTON_ACTIVE + 1]
         self._search_active = self._state[entries.SEARCH_ACTIVE : entries.SEARCH_ACTIVE + 1]
@@ -86,6 +92,7 @@ class NewtonSolver:
         """Launch one step; nothing in it asks the host."""
         self._decide("begin_step", self._scalars, self._state)
         self._iteration.zero_()
+        self._impact.zero_()
         self._start()
         wp.capture_while(self._newton_active, self._iterate)
         self._finish()
@@ -101,13 +108,13 @@ class NewtonSolver:
             cg_capped=int(state[entries.CG_CAPPED]),
             residual=float(scalars[entries.RESIDUAL]),
             work=float(scalars[entries.WORK]),
+            impact_ahead=bool(self._impact.numpy()[0]),
         )
 
     def _start(self) -> None:
         for state, own in zip(self.states, self.terms, strict=True):
-            for row, vector in enumerate((state.w, state.y, state.trial)):
-                history = (state.x, state.x_before, state.v, state.v_before)
-                self._stage(state, "combine", self._weights[state.real].array, row, *history, vector)
+            for row, vector in ((W, state.w), (Y, state.y), (START, state.trial)):
+                self._stage(state, "combine", self._weights[state.real].array, row, *_history(state), vector)
             wp.copy(state.z, state.x)
             self._stage(state, "place_pins", state.free, state.model.target, state.z)
             self._stage(state, "place_pins", state.free, state.model.target, state.trial)
@@ -168,6 +175,9 @@ class NewtonSolver:
             self._stage(state, "accept", self._rate[state.real].array, state.z, state.w, *history)
             for term in own:
                 term.finish(state)
+                if _foresees(term):
+                    self._stage(state, "combine", self._weights[state.real].array, START, *_history(state), state.trial)
+                    term.foresee(state, state.trial, self._impact)
 
     def _add_gradients(self, state: State, terms: Sequence[Force]) -> None:
         self._stage(
@@ -213,3 +223,11 @@ class NewtonSolver:
 
     def _decide(self, name: str, *inputs: Any) -> None:
         wp.launch(getattr(decisions(), name), dim=1, inputs=inputs, device=self._device)
+
+
+def _history(state: State) -> tuple[wp.array, ...]:
+    return (state.x, state.x_before, state.v, state.v_before)
+
+
+def _foresees(term: Force) -> bool:
+    return type(term).foresee is not Force.foresee

@@ -176,9 +176,7 @@ def _targets(times: Sequence[PassTime], width: int, precision: str) -> tuple[Tar
     if width == 1 or precision != "float32":
         return ()
     limits = {each.name: each.limit for each in PASSES if each.limit is not None}
-    return tuple(
-        _target(time, limits[time.name]) for time in times if time.width == width and time.name in limits
-    )
+    return tuple(_target(time, limits[time.name]) for time in times if time.width == width and time.name in limits)
 
 
 def _target(time: PassTime, limit: Limit) -> Target:

@@ -1,7 +1,7 @@
 """What the kernel benchmark times: the passes of a Newton step, as data."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -35,15 +35,15 @@ class Sheet:
 
     def __init__(self, nodes: int, precision: str, width: int, device: Any) -> None:
         shape = sheet(nodes=(nodes, nodes), size=(1.0, 1.0))
-        cloth = {"areal_density": 0.2, "membrane_stiffness": 1000.0, "poisson_ratio": 0.3}
-        shell = Material(**cloth, bending_stiffness=1e-5)
+        cloth = Material(areal_density=0.2, membrane_stiffness=1000.0, poisson_ratio=0.3)
+        shell = replace(cloth, bending_stiffness=1e-5)
         model = Model(Body("sheet", shape, shell), precision, device, width)
         self.state = State(model, wp.zeros(1, dtype=wp.int32, device=device))
         self.real, self.width, self._device = model.real, width, device
         self._dim = model.layout.lane_dim
         self.membrane, self.shell = (
             SurfaceElasticity(model.grid, model.layout, shape.positions, material, model.real, device)
-            for material in (Material(**cloth), shell)
+            for material in (cloth, shell)
         )
         random = np.random.default_rng(0)
         edge = 1.0 / (nodes - 1)
@@ -58,10 +58,10 @@ class Sheet:
         self.weights = vectors(WEIGHTS)
         self.flux_u, self.flux_v = model.zeros(FLUXES), model.zeros(FLUXES)
         self.per_spacing = model.real(1.0 / edge)
-        self.inertia = wp.array([3600.0], dtype=model.real, device=device)
+        self.inertia: wp.array = wp.array([3600.0], dtype=model.real, device=device)
         scalars = np.zeros(SOLVER_SCALARS)
         scalars[[int(ALPHA), int(BETA)]] = 1e-3, 0.5
-        self.scalars = wp.array(scalars, dtype=wp.float64, device=device)
+        self.scalars: wp.array = wp.array(scalars, dtype=wp.float64, device=device)
         self.rows = wp.zeros((2, nodes), dtype=wp.float64, device=device)
         self.membrane.linearise(self.state, self.x)
         self.shell.linearise(self.state, self.x)
@@ -134,9 +134,7 @@ def _iteration(s: Sheet) -> None:
 PASSES = (
     Pass(
         YARDSTICK,
-        lambda s: s.launch(
-            yardstick(s.width, s.real), s.x, s.weights, s.per_spacing, s.p, s.flux_u, s.flux_v
-        ),
+        lambda s: s.launch(yardstick(s.width, s.real), s.x, s.weights, s.per_spacing, s.p, s.flux_u, s.flux_v),
     ),
     Pass("membrane flux", lambda s: s.flux(False), Limit(over_yardstick=1.3)),
     Pass("membrane gather", lambda s: s.gather(False)),

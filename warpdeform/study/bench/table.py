@@ -40,6 +40,4 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 def targets_lines(targets: Sequence[Target]) -> list[str]:
     """One line per target: met or not."""
-    return [
-        f"{'met ' if t.met else 'MISS'}  {t.name}: {t.value:.3g} {t.unit} (limit {t.limit:g})" for t in targets
-    ]
+    return [f"{'met ' if t.met else 'MISS'}  {t.name}: {t.value:.3g} {t.unit} (limit {t.limit:g})" for t in targets]

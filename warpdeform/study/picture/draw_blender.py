@@ -24,10 +24,10 @@ except ImportError as error:
     sys.exit(3)
 
 GROUND_COLOR = (0.58, 0.565, 0.545)
-BACKDROP_LOW, BACKDROP_HIGH = (0.80, 0.80, 0.80), (0.50, 0.56, 0.66)
-"""Linear RGB that the camera sees behind everything, at the horizon and overhead."""
-SKY_LOW, SKY_HIGH = (0.62, 0.62, 0.63), (0.62, 0.74, 0.95)
-"""Linear RGB of the light from the sky, at the horizon and overhead."""
+BACKDROP = (0.74, 0.74, 0.74)
+"""Linear RGB that the camera sees behind everything: about that of the lit ground, which fades into it."""
+SKY = (0.37, 0.41, 0.48)
+"""Linear RGB of the light from the sky."""
 KEY_COLOR, RIM_COLOR = (1.0, 0.93, 0.84), (0.86, 0.92, 1.0)
 
 
@@ -55,6 +55,7 @@ class Nodes:
 
 
 def make_mesh(name: str, points: np.ndarray, triangles: np.ndarray, normals: np.ndarray | None) -> Any:
+    """A smooth mesh with these vertex normals; with None, edges above 40 degrees stay sharp."""
     mesh = bpy.data.meshes.new(name)
     mesh.vertices.add(len(points))
     mesh.vertices.foreach_set("co", points.astype(np.float32).ravel())
@@ -103,6 +104,7 @@ def cloth(item: dict[str, Any]) -> Any:
 
 
 def solid(item: dict[str, Any]) -> Any:
+    """A solid: colour, roughness and metal as the file has them."""
     material = bpy.data.materials.new(item["name"])
     nodes = Nodes(material)
     color = nodes.add("Attribute", attribute_name="displayColor").outputs["Color"]
@@ -135,19 +137,13 @@ def add_ground(height: float, middle: list[float], extent: float) -> None:
 
 
 def add_sky() -> None:
-    """The light of an overcast sky; the camera sees a calmer backdrop in its stead."""
+    """Even light from all over the sky; the camera sees the backdrop in its stead."""
     world = bpy.data.worlds.new("sky")
     bpy.context.scene.world = world
     nodes = Nodes(world)
-    direction = nodes.add("TexCoord").outputs["Generated"]
-    height = nodes.add("SeparateXYZ", {0: direction}).outputs["Z"]
-    up = nodes.add("MapRange", {"Value": height, "From Min": 0.0, "From Max": 0.9}).outputs[0]
-    light = nodes.add("MixRGB", {"Fac": up, "Color1": SKY_LOW, "Color2": SKY_HIGH})
-    seen = nodes.add("MixRGB", {"Fac": up, "Color1": BACKDROP_LOW, "Color2": BACKDROP_HIGH})
-    lighting = nodes.add("Background", {"Color": light.outputs[0], "Strength": 0.6})
-    backdrop = nodes.add("Background", {"Color": seen.outputs[0], "Strength": 1.0})
+    light, backdrop = nodes.add("Background", {"Color": SKY}), nodes.add("Background", {"Color": BACKDROP})
     camera = nodes.add("LightPath").outputs["Is Camera Ray"]
-    mixed = nodes.add("MixShader", {0: camera, 1: lighting.outputs[0], 2: backdrop.outputs[0]})
+    mixed = nodes.add("MixShader", {0: camera, 1: light.outputs[0], 2: backdrop.outputs[0]})
     nodes.add("OutputWorld", {"Surface": mixed.outputs[0]})
 
 
@@ -161,6 +157,7 @@ def add_sun(name: str, azimuth: float, elevation: float, strength: float, softne
 
 
 def add_camera(view: dict[str, Any]) -> None:
+    """Put the camera where the engine has computed it."""
     camera = bpy.data.cameras.new("camera")
     camera.lens, camera.sensor_width, camera.sensor_fit = view["lens"], view["sensor"], "AUTO"
     camera.clip_start, camera.clip_end = 1e-3 * view["distance"], 1e3 * view["distance"]
@@ -173,12 +170,13 @@ def add_camera(view: dict[str, Any]) -> None:
 
 
 def prepare_renderer(job: dict[str, Any]) -> None:
+    """Cycles on the processor, few samples and a denoiser, colours through a gentle film curve."""
     scene = bpy.context.scene
     scene.render.engine = "CYCLES"
     cycles = scene.cycles
     cycles.device, cycles.samples, cycles.seed, cycles.use_light_tree = "CPU", job["samples"], 0, False
     cycles.use_adaptive_sampling, cycles.adaptive_threshold, cycles.adaptive_min_samples = True, 0.1, 8
-    cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces = 6, 3, 2
+    cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces = 4, 2, 2
     cycles.transmission_bounces, cycles.transparent_max_bounces = 2, 8
     cycles.use_denoising = bool(bpy.app.build_options.cycles) and job["denoise"]
     if cycles.use_denoising:
@@ -196,6 +194,7 @@ def prepare_renderer(job: dict[str, Any]) -> None:
 
 
 def main(folder: Path) -> None:
+    """Draw all frames of a job."""
     job = json.loads((folder / "job.json").read_text())
     arrays = np.load(folder / "arrays.npz")
     bpy.ops.wm.read_factory_settings(use_empty=True)

@@ -53,10 +53,12 @@ def _disc(radius: float, height: float, up: float) -> Floats:
 
 
 def sphere(radius: float) -> Surface:
+    """A sphere about the origin."""
     return revolved([_arc(radius, -np.pi / 2, np.pi / 2)])
 
 
 def cylinder(radius: float, height: float) -> Surface:
+    """A cylinder about z, centred."""
     side = np.array([[radius, -height / 2, 1.0, 0.0], [radius, height / 2, 1.0, 0.0]])
     return revolved([_disc(radius, -height / 2, -1.0), side, _disc(radius, height / 2, 1.0)])
 
@@ -68,6 +70,7 @@ def capsule(radius: float, height: float) -> Surface:
 
 
 def cone(radius: float, height: float) -> Surface:
+    """A cone about z with its tip up, centred."""
     slope = np.array([height, radius]) / np.hypot(height, radius)
     side = np.array([[radius, -height / 2, *slope], [0.0, height / 2, *slope]])
     return revolved([_disc(radius, -height / 2, -1.0), side])
@@ -80,6 +83,7 @@ def plane(width: float, length: float) -> Surface:
 
 
 def cube(size: float) -> Surface:
+    """A cube about the origin."""
     points: list[Floats] = []
     triangles: list[Ints] = []
     normals: list[Floats] = []

@@ -1,0 +1,154 @@
+"""`warpdeform bench`: what kernels, steps and starts cost on this machine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
+
+import typer
+
+from warpdeform.cli.ending import ending_well, print_json, stdout_for_json
+from warpdeform.cli.options import Json, Precision, Set
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+bench = typer.Typer(no_args_is_help=True, help="Time kernels, steps and starts; medians, minima and ratios.")
+
+Sizes = Annotated[str, typer.Option("--sizes", metavar="N,N,...", help="Nodes along each side of the sheets.")]
+Repeats = Annotated[int, typer.Option("--repeats", min=1, help="Rounds that count.")]
+Core = Annotated[int | None, typer.Option("--core", min=0, help="Core to stay on; the first allowed by default.")]
+BenchDevice = Annotated[str, typer.Option("--device", help="cpu, cuda:0, ... or auto.")]
+
+
+class Result(Protocol):
+    """What every benchmark returns."""
+
+    @property
+    def machine(self) -> dict[str, Any]:
+        """What it ran on."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """As plain values."""
+
+    def lines(self) -> Sequence[str]:
+        """As people read it."""
+
+
+@bench.command()
+@ending_well
+def kernels(
+    sizes: Sizes = "64,128,256,512",
+    precision: Precision = None,
+    repeats: Repeats = 30,
+    device: BenchDevice = "cpu",
+    core: Core = None,
+    as_json: Json = False,
+) -> None:
+    """Time each pass of a Newton step in ns per node, beside a yardstick, at the CPU's lane width and at width 1."""
+
+    def run() -> Result:
+        from warpdeform.study.bench.kernels import bench_kernels
+
+        return bench_kernels(
+            _numbers("--sizes", sizes),
+            precision=_checked(precision),
+            repeats=repeats,
+            device=device,
+            core=core,
+            said=_say,
+        )
+
+    _report(run, as_json)
+
+
+@bench.command()
+@ending_well
+def step(
+    sizes: Sizes = "32,64,128",
+    newton: Annotated[str, typer.Option("--newton", metavar="N,N,...", help="Newton iterations per step.")] = "1,2",
+    scene: Annotated[str, typer.Option("--scene", help="Name or path of the scene.")] = "hanging",
+    precision: Precision = None,
+    repeats: Repeats = 5,
+    device: BenchDevice = "cpu",
+    core: Core = None,
+    sets: Set = None,
+    as_json: Json = False,
+) -> None:
+    """Time a scene on one core: CPU seconds per simulated second, iterations, memory."""
+
+    def run() -> Result:
+        from warpdeform.scene import parse_override
+        from warpdeform.study.bench.step import bench_step
+
+        return bench_step(
+            _numbers("--sizes", sizes),
+            newton=_numbers("--newton", newton, least=0),
+            scene=scene,
+            precision=_checked(precision),
+            device=device,
+            repeats=repeats,
+            core=core,
+            overrides=[parse_override(text) for text in sets or ()],
+            said=_say,
+        )
+
+    _report(run, as_json)
+
+
+@bench.command()
+@ending_well
+def start(
+    scene: Annotated[str, typer.Option("--scene", help="Name or path of the scene.")] = "hanging",
+    repeats: Repeats = 5,
+    as_json: Json = False,
+) -> None:
+    """Time fresh processes: `--help`, and the first frame with an empty and with a full kernel cache."""
+
+    def run() -> Result:
+        from warpdeform.study.bench.start import bench_start
+
+        return bench_start(scene, repeats=repeats, said=_say)
+
+    _report(run, as_json)
+
+
+def _report(run: Callable[[], Result], as_json: bool) -> None:
+    from warpdeform.cli.ending import quiet_warp
+
+    with stdout_for_json(as_json):
+        quiet_warp()
+        result = run()
+    if as_json:
+        print_json(result.as_dict())
+        return
+    from warpdeform.study.bench.machine import sentence
+
+    typer.echo(sentence(result.machine))
+    typer.echo("")
+    for line in result.lines():
+        typer.echo(line)
+
+
+def _say(line: str) -> None:
+    typer.echo(line, err=True)
+
+
+def _numbers(option: str, text: str, least: int = 2) -> list[int]:
+    from warpdeform.errors import InputError, Mistake
+
+    words = text.split(",")
+    if not all(word.strip().isdigit() and int(word) >= least for word in words):
+        problem = f"must be whole numbers of at least {least}, separated by commas"
+        raise InputError(
+            Mistake(option, text, problem, "Use for example 64,128." if least > 1 else "Use for example 1,2.")
+        )
+    return [int(word) for word in words]
+
+
+def _checked(precision: str | None) -> str:
+    from warpdeform.errors import InputError, Mistake
+
+    if precision not in (None, "float32", "float64"):
+        raise InputError(Mistake("--precision", precision, "is not a precision", "Use float32 or float64."))
+    return precision or "float32"
