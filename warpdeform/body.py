@@ -1,6 +1,7 @@
 """A body as the user describes it: rest shape, material, where it starts and what holds it."""
 
 import math
+import operator
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -59,7 +60,7 @@ def select_nodes(selector: NodeSelector, nodes: tuple[int, int]) -> NDArray[np.i
 
 def _listed_nodes(selector: Sequence[Sequence[int]], nodes: tuple[int, int]) -> NDArray[np.int64]:
     try:
-        pairs = np.array([[int(i), int(j)] for i, j in selector], dtype=np.int64).reshape(-1, 2)
+        pairs = np.array([[operator.index(i), operator.index(j)] for i, j in selector], dtype=np.int64).reshape(-1, 2)
     except (TypeError, ValueError):
         raise InputError(Mistake("nodes", selector, "is not a list of index pairs", _SELECTOR_REMEDY)) from None
     outside = np.any((pairs < 0) | (pairs >= np.array(nodes)), axis=1)
@@ -152,6 +153,8 @@ class Body:
             value = getattr(self, key)
             if len(value) != length or not all(math.isfinite(x) for x in value):
                 mistakes.append(Mistake(key, value, f"must be {length} finite numbers", "Leave it out for none."))
+        if not any(self.rotation):
+            mistakes.append(Mistake("rotation", self.rotation, "has length zero", "Use (0, 0, 0, 1) for none."))
         if self.initial_positions is not None and (
             self.initial_positions.shape != self.shape.positions.shape or not np.isfinite(self.initial_positions).all()
         ):

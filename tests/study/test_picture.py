@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -222,7 +224,7 @@ def check_picture(image, size):
     assert image.shape == (size[1], size[0], 3)
     sheet = reddish(image)
     assert 0.05 < sheet.mean() < 0.8
-    assert np.ptp(image[sheet][:, 0]) > 40
+    assert np.ptp(image[sheet][:, 0]) > 15
     ground = ~sheet & (np.ptp(image, axis=-1) < 30)
     assert np.percentile(image[ground], 90) > 150
     assert np.percentile(image[ground], 90) - np.percentile(image[ground], 2) > 25
@@ -322,7 +324,7 @@ def test_files_that_show_nothing_are_refused(tmp_path):
     with pytest.raises(InputError, match="does not exist"):
         render_still(tmp_path / "none.usdc", out)
     (tmp_path / "broken.usdc").write_bytes(b"PXR-USDC then nothing")
-    with pytest.raises(InputError, match="not a readable USD file"):
+    with pytest.raises(InputError, match="cannot be read as USD"):
         render_still(tmp_path / "broken.usdc", out)
     stage = new_stage(tmp_path / "empty.usda")
     stage.GetRootLayer().Save()
@@ -413,9 +415,7 @@ def test_command_refuses_what_it_cannot_read(result, option, message):
 
 
 def test_importing_pictures_imports_nothing_heavy():
-    import subprocess
-    import sys
-
-    code = "import sys, warpdeform.study.picture; print([m for m in ('pxr', 'bpy', 'matplotlib', 'warp') if m in sys.modules])"
+    heavy = ("pxr", "bpy", "matplotlib", "PIL", "warp")
+    code = f"import sys, warpdeform.study.picture; print([name for name in {heavy} if name in sys.modules])"
     root = Path(__file__).parents[2]
     assert subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True).stdout == "[]\n"

@@ -15,6 +15,8 @@ from warpdeform.study.bench.table import Target, table, targets_lines
 
 NODES_PER_SAMPLE = 1 << 17
 """Work of one sample: small grids repeat a pass this many nodes long, so that no sample is shorter than the clock."""
+LIMITS_FROM = 64
+"""Nodes along a side from which on the limits hold: shorter rows leave lanes empty."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ def bench_kernels(
     repeats: int = 50,
     device: str = "cpu",
     core: int | None = None,
-    passes: Sequence[Pass] = PASSES,
+    passes: Sequence[Pass] | None = None,
     said: Callable[[str], None] = lambda line: None,
 ) -> KernelTimes:
     """Time the passes.
@@ -89,7 +91,7 @@ def bench_kernels(
         repeats: Rounds.
         device: Warp device; a CUDA device has lane width 1 only.
         core: Core to stay on; None takes the first one allowed.
-        passes: What to time; the yardstick has to be among them.
+        passes: What to time, the yardstick first; None times all of PASSES.
         said: Told about progress.
 
     Raises:
@@ -97,12 +99,12 @@ def bench_kernels(
     """
     found = find_device(device)
     widths = (1,) if found.is_cuda else (LANE_WIDTHS[precision], 1)
-    machine = describe()
+    machine, chosen = describe(), PASSES if passes is None else passes
     times: list[PassTime] = []
     with one_core(None if found.is_cuda else core):
         for nodes in sizes:
             said(f"{nodes} x {nodes}: preparing")
-            samples = {width: _record(Sheet(nodes, precision, width, found), passes, found) for width in widths}
+            samples = {width: _record(Sheet(nodes, precision, width, found), chosen, found) for width in widths}
             said(f"{nodes} x {nodes}: timing")
             times += _summary(nodes, _rounds(samples, nodes, repeats, found))
     return KernelTimes(machine, str(found), precision, repeats, tuple(times), _targets(times, widths[0], precision))
@@ -172,11 +174,15 @@ def _summary(nodes: int, seconds: Seconds) -> list[PassTime]:
 
 
 def _targets(times: Sequence[PassTime], width: int, precision: str) -> tuple[Target, ...]:
-    """The limits of the passes; they are set for wide lanes in float32."""
+    """The limits of the passes; they are set for wide lanes in float32 and rows of some length."""
     if width == 1 or precision != "float32":
         return ()
     limits = {each.name: each.limit for each in PASSES if each.limit is not None}
-    return tuple(_target(time, limits[time.name]) for time in times if time.width == width and time.name in limits)
+    return tuple(
+        _target(time, limits[time.name])
+        for time in times
+        if time.width == width and time.name in limits and time.nodes >= LIMITS_FROM
+    )
 
 
 def _target(time: PassTime, limit: Limit) -> Target:

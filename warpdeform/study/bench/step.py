@@ -16,7 +16,8 @@ SCENE = "hanging"
 REAL_TIME_NODES = 64
 """Nodes along each side of the sheet that should run in real time with one Newton iteration per step."""
 MOST_BYTES = 1000.0
-"""Device memory that a node may take [bytes]."""
+"""Device memory that a node may take [bytes], in sheets of at least LIMITS_FROM nodes along each side."""
+LIMITS_FROM = 32
 _HEADER = (
     "sheet", "Newton per step", "s per s, min", "s per s, median", "ms per frame", "wall s per s",
     "Newton", "CG", "CG capped", "ns/node/CG", "bytes/node",
@@ -169,7 +170,8 @@ def _targets(runs: Sequence[StepTime], scene: str, device: str) -> tuple[Target,
         where = f"{scene}, {run.nodes} x {run.nodes}, {run.newton} Newton"
         if run.nodes == REAL_TIME_NODES and run.newton == 1:
             targets.append(Target(where, "CPU s per simulated s, median", run.median, 1.0))
-        targets.append(Target(where, "bytes per node", run.bytes_per_node, MOST_BYTES))
+        if run.nodes >= LIMITS_FROM:
+            targets.append(Target(where, "bytes per node", run.bytes_per_node, MOST_BYTES))
     return tuple(targets)
 
 

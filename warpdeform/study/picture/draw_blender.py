@@ -23,8 +23,8 @@ except ImportError as error:
     print(f"cannot import bpy: {error}", file=sys.stderr)
     sys.exit(3)
 
-GROUND_COLOR = (0.58, 0.565, 0.545)
-BACKDROP = (0.74, 0.74, 0.74)
+GROUND_COLOR = (0.44, 0.43, 0.415)
+BACKDROP = (0.55, 0.55, 0.55)
 """Linear RGB that the camera sees behind everything: about that of the lit ground, which fades into it."""
 SKY = (0.37, 0.41, 0.48)
 """Linear RGB of the light from the sky."""
@@ -116,7 +116,7 @@ def solid(item: dict[str, Any]) -> Any:
 
 
 def add_ground(height: float, middle: list[float], extent: float) -> None:
-    """A matt floor that fades into the backdrop between 2 and 9 scene diagonals from the middle."""
+    """A matt floor that fades into the backdrop between 1.5 and 9 scene diagonals from the middle."""
     far = 40.0 * extent
     corners = np.array([[-far, -far, 0], [far, -far, 0], [far, far, 0], [-far, far, 0]], dtype=np.float64)
     corners += [middle[0], middle[1], height]
@@ -129,9 +129,10 @@ def add_ground(height: float, middle: list[float], extent: float) -> None:
     fade = nodes.add("MapRange", {"Value": away, "From Min": 1.5 * extent, "From Max": 9.0 * extent},
                      interpolation_type="SMOOTHSTEP")  # fmt: skip
     floor = nodes.add("BsdfDiffuse", {"Color": GROUND_COLOR, "Roughness": 0.6})
-    gone = nodes.add("BsdfTransparent")
-    mixed = nodes.add("MixShader", {0: fade.outputs[0], 1: floor.outputs[0], 2: gone.outputs[0]})
+    backdrop = nodes.add("Emission", {"Color": BACKDROP})
+    mixed = nodes.add("MixShader", {0: fade.outputs[0], 1: floor.outputs[0], 2: backdrop.outputs[0]})
     nodes.add("OutputMaterial", {"Surface": mixed.outputs[0]})
+    material.cycles.emission_sampling = "NONE"
     mesh.materials.append(material)
     bpy.context.collection.objects.link(bpy.data.objects.new("ground", mesh))
 
@@ -177,7 +178,7 @@ def prepare_renderer(job: dict[str, Any]) -> None:
     cycles.device, cycles.samples, cycles.seed, cycles.use_light_tree = "CPU", job["samples"], 0, False
     cycles.use_adaptive_sampling, cycles.adaptive_threshold, cycles.adaptive_min_samples = True, 0.1, 8
     cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces = 4, 2, 2
-    cycles.transmission_bounces, cycles.transparent_max_bounces = 2, 8
+    cycles.transmission_bounces = 2
     cycles.use_denoising = bool(bpy.app.build_options.cycles) and job["denoise"]
     if cycles.use_denoising:
         cycles.denoiser, cycles.denoising_prefilter = "OPENIMAGEDENOISE", "FAST"

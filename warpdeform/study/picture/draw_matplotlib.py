@@ -14,7 +14,7 @@ from warpdeform.errors import InputError, Mistake
 from warpdeform.study.picture.camera import SENSOR, View
 from warpdeform.study.picture.drawing import Drawing, Floats, Item, ground_height
 
-GROUND_COLOR = np.array([0.58, 0.565, 0.545])
+GROUND_COLOR = np.array([0.44, 0.43, 0.415])
 KEY_COLOR, SKY_COLOR = 0.95 * np.array([1.0, 0.95, 0.88]), 0.55 * np.array([0.92, 0.96, 1.05])
 PIECES = 60
 """Triangles are cut until none is longer than the scene's diagonal divided by this: painting by distance needs it."""

@@ -29,8 +29,9 @@ def revolved(pieces: Sequence[Floats]) -> Surface:
         normals.append(np.concatenate([rings[:, :, 2:3] * around, rings[:, :, 3:]], axis=-1))
         lower = first + np.arange(len(piece) - 1)[:, None] * SIDES + np.arange(SIDES)
         beside = first + np.arange(len(piece) - 1)[:, None] * SIDES + np.roll(np.arange(SIDES), -1)
-        triangles.append(np.stack([lower, beside, beside + SIDES], axis=-1).reshape(-1, 3))
-        triangles.append(np.stack([lower, beside + SIDES, lower + SIDES], axis=-1).reshape(-1, 3))
+        opens, closes = piece[:-1, 0] > 1e-9 * piece[:, 0].max(), piece[1:, 0] > 1e-9 * piece[:, 0].max()
+        triangles.append(np.stack([lower, beside, beside + SIDES], axis=-1)[opens].reshape(-1, 3))
+        triangles.append(np.stack([lower, beside + SIDES, lower + SIDES], axis=-1)[closes].reshape(-1, 3))
         first += len(piece) * SIDES
     return (
         np.concatenate([p.reshape(-1, 3) for p in points]),

@@ -26,20 +26,14 @@ class StageReader:
         path: A .usd, .usda, .usdc or .usdz file.
 
     Raises:
-        InputError: There is no such file, or USD cannot read it.
+        InputError: No such file, or no USD in it.
     """
 
     def __init__(self, path: str | Path) -> None:
-        from pxr import Tf, Usd
+        from warpdeform.usd.opening import open_stage
 
         self.path = str(path)
-        if not Path(path).is_file():
-            raise self._refused("file", self.path, "does not exist", "Name a file that `warpdeform run` has written.")
-        try:
-            self.stage: Usd.Stage = Usd.Stage.Open(self.path)
-        except Tf.ErrorException as error:
-            cause = str(error).strip().splitlines()[-1].strip()
-            raise self._refused("file", self.path, f"is not a readable USD file ({cause})", "Run it again.") from None
+        self.stage: Usd.Stage = open_stage(path, "result")
 
     def time_codes(self) -> tuple[float, float] | None:
         """First and last time code; None where nothing is sampled over time."""
@@ -82,8 +76,8 @@ class StageReader:
                     )  # fmt: skip
                 items.append(item)
         if not items:
-            raise self._refused(
-                "file", self.path, "holds nothing to draw", "It needs a visible mesh or solid with points."
+            raise InputError(
+                Mistake("result", self.path, "holds nothing to draw", "It needs a visible mesh or solid with points.")
             )
         return Drawing(tuple(items), ground, time_code.GetValue())
 
@@ -102,7 +96,7 @@ class StageReader:
         return Usd.TimeCode(frame)
 
     def _refused(self, key: str, value: object, problem: str, remedy: str) -> InputError:
-        return InputError(Mistake(key, value, problem, remedy, "" if key == "file" else self.path))
+        return InputError(Mistake(key, value, problem, remedy, self.path))
 
 
 def _is_drawn(prim: Usd.Prim, time_code: Usd.TimeCode) -> bool:

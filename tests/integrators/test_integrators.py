@@ -1,0 +1,144 @@
+"""Integrators: their stage weights, exactness on polynomials, closed forms of an oscillator, and measured order."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from surfaces import MATERIALS
+
+from warpdeform.body import Body, Pin, Spring
+from warpdeform.integrators import BDF2, INTEGRATORS, ImplicitEuler, Stage
+from warpdeform.material import Material
+from warpdeform.result import Outcome
+from warpdeform.settings import Settings
+from warpdeform.shape import sheet
+from warpdeform.simulation import Simulation
+
+Array = np.ndarray[Any, Any]
+
+RATIOS = [0.5, 1.0, 2.0]
+PRECISE: dict[str, Any] = {
+    "precision": "float64", "newton_iterations": 0, "newton_tolerance": 1e-11, "cg_tolerance": 1e-10,
+    "cg_iterations": 2000, "gravity": (0.0, 0.0, 0.0), "device": "cpu",
+}  # fmt: skip
+
+
+def combined(weights: tuple[float, float, float], x: Any, x_before: Any, v: Any, v_before: Any) -> Any:
+    """A stage vector, as the kernels make it."""
+    return x + weights[0] * (x - x_before) + weights[1] * v + weights[2] * v_before
+
+
+def test_methods_are_found_by_name_and_say_their_order() -> None:
+    assert {name: method.order for name, method in INTEGRATORS.items()} == {"implicit-euler": 1, "bdf2": 2}
+
+
+def test_implicit_euler_is_the_row_of_the_table() -> None:
+    for before in (None, 0.3):
+        stage = ImplicitEuler().stage(0.1, before)
+        assert stage == Stage(tau=0.1, w=(0.0, 0.0, 0.0), y=(0.0, 0.1, 0.0), start=(0.0, 0.1, 0.0))
+
+
+@pytest.mark.parametrize("ratio", RATIOS)
+def test_bdf2_is_the_row_of_the_table(ratio: float) -> None:
+    # tau = dt (1 + r)/(1 + 2r), w = ((1 + r)^2 x - r^2 x-)/(1 + 2r), likewise w_v, y = w + tau w_v (design 6.1).
+    dt, r, (x, x_before, v, v_before) = 0.1, ratio, np.random.default_rng(0).normal(size=4)
+    stage = BDF2().stage(dt, dt / r)
+    assert stage.tau == pytest.approx(dt * (1 + r) / (1 + 2 * r), rel=1e-15)
+    w, w_v = (((1 + r) ** 2 * a - r**2 * b) / (1 + 2 * r) for a, b in ((x, x_before), (v, v_before)))
+    assert combined(stage.w, x, x_before, v, v_before) == pytest.approx(w, rel=1e-13)
+    assert combined(stage.y, x, x_before, v, v_before) == pytest.approx(w + stage.tau * w_v, rel=1e-13)
+    assert combined(stage.start, x, x_before, v, v_before) == pytest.approx(x + dt * v, rel=1e-15)
+
+
+def test_bdf2_with_equal_steps_is_the_textbook_formula() -> None:
+    stage, (x, x_before) = BDF2().stage(0.3, 0.3), (1.7, 1.1)
+    assert stage.tau == pytest.approx(0.2)
+    assert combined(stage.w, x, x_before, 0, 0) == pytest.approx((4 * x - x_before) / 3)
+
+
+def test_bdf2_starts_as_implicit_euler() -> None:
+    assert BDF2().stage(0.1, None) == ImplicitEuler().stage(0.1, None)
+
+
+@pytest.mark.parametrize("ratio", RATIOS)
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_stage_velocity_and_acceleration_are_exact_for_polynomials_of_the_order(name: str, ratio: float) -> None:
+    method, dt = INTEGRATORS[name](), 0.1
+    before = dt / ratio
+    stage = method.stage(dt, before)
+    x = np.polynomial.Polynomial([0.3, -1.2, 2.0][: method.order + 1])
+    v = x.deriv()
+    z = x(dt)
+    velocity = (z - combined(stage.w, x(0), x(-before), v(0), v(-before))) / stage.tau
+    assert velocity == pytest.approx(v(dt), rel=1e-12)
+    # The same formula for the velocity: x may be of one degree more there only if it is exact for x too.
+    acceleration = (z - combined(stage.y, x(0), x(-before), v(0), v(-before))) / stage.tau**2
+    assert acceleration == pytest.approx(v.deriv()(dt), rel=1e-10, abs=1e-10)
+
+
+def bobbing(integrator: str, dt: float, steps: int) -> tuple[Array, float]:
+    """Heights of a rigidly moving 2 x 2 sheet on springs, started at its rest with unit speed, and its frequency."""
+    stiffness, shape = 3.0, sheet((2, 2))
+    body = Body("sheet", shape, MATERIALS["membrane"], velocity=(0.0, 0.0, 1.0), springs=(Spring("all", stiffness),))
+    simulation = Simulation([body], settings=Settings(integrator=integrator, fps=1 / dt, **PRECISE))
+    heights = [0.0]
+    for _ in range(steps):
+        record = simulation.step()
+        assert record.outcome in (Outcome.CONVERGED, Outcome.ROUND_OFF)
+        heights.append(float(simulation.bodies[0].positions()[0, 0, 2]))
+    return np.array(heights), float(np.sqrt(stiffness / (0.25 * 0.2)))
+
+
+def test_implicit_euler_damps_and_slows_an_oscillation_as_it_must() -> None:
+    # Amplitude (1 + w^2 dt^2)^(-1/2) a step, frequency atan(w dt)/dt (design 1.6).
+    dt, steps = 0.05, 60
+    heights, omega = bobbing("implicit-euler", dt, steps)
+    n = np.arange(steps + 1)
+    decay, phase = (1 + (omega * dt) ** 2) ** -0.5, np.arctan(omega * dt)
+    np.testing.assert_allclose(heights, decay**n * np.sin(phase * n) / omega, atol=1e-6 / omega)
+    assert np.abs(heights).max() > 0.3 / omega
+
+
+def test_bdf2_follows_its_recurrence() -> None:
+    dt, steps = 0.05, 60
+    heights, omega = bobbing("bdf2", dt, steps)
+    x, v = [0.0], [1.0]
+    for k in range(steps):
+        stage = BDF2().stage(dt, dt if k else None)
+        history = (x[-1], x[-2] if k else 0.0, v[-1], v[-2] if k else 1.0)
+        w, y = combined(stage.w, *history), combined(stage.y, *history)
+        z = y / (1 + (omega * stage.tau) ** 2)
+        x.append(z)
+        v.append((z - w) / stage.tau)
+    np.testing.assert_allclose(heights, x, atol=1e-10)
+    swing = slice(0, 9)
+    exact = np.sin(omega * dt * np.arange(steps + 1)) / omega
+    euler = bobbing("implicit-euler", dt, 8)[0]
+    assert np.abs(heights - exact)[swing].max() < 0.5 * np.abs(euler - exact[swing]).max()
+
+
+def swinging_string(integrator: str, steps: int) -> Array:
+    """Positions of a prestretched strip between two held ends after 0.08 s, a sixth of its period."""
+    length, stretch, count = 1.0, 1.2, 13
+    shape = sheet((count, 2), (length, length / (count - 1)))
+    start = shape.positions * [stretch, 1.0, 1.0]
+    start[..., 2] = 0.05 * np.sin(np.pi * shape.positions[..., 0] / length)
+    strip = Body(
+        "strip", shape, Material(areal_density=0.2, membrane_stiffness=15.0, poisson_ratio=0.0),
+        initial_positions=start, pins=(Pin("edge:u,0"), Pin("edge:u,1")),
+    )  # fmt: skip
+    simulation = Simulation([strip], settings=Settings(integrator=integrator, fps=steps / 0.08, **PRECISE))
+    for _ in range(steps):
+        assert simulation.step().outcome in (Outcome.CONVERGED, Outcome.ROUND_OFF)
+    return simulation.bodies[0].positions()
+
+
+@pytest.mark.parametrize("name", INTEGRATORS)
+def test_measured_order_is_the_declared_one(name: str) -> None:
+    ends = [swinging_string(name, steps) for steps in (12, 24, 48, 96)]
+    changes = [np.sqrt(np.mean(np.sum((a - b) ** 2, -1))) for a, b in zip(ends[1:], ends, strict=False)]
+    orders = np.log2(np.array(changes[:-1]) / changes[1:])
+    assert orders[-1] == pytest.approx(INTEGRATORS[name].order, abs=0.15)
+    assert np.abs(ends[0] - ends[-1]).max() > 1e-5
+    # It did swing, from 0.05 m.
+    assert ends[-1][6, 0, 2] < 0.03

@@ -1,0 +1,60 @@
+"""Static answers: backward Euler to tolerance with very large steps (design 4.1), and what is read off them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpdeform.body import Body
+from warpdeform.settings import Settings
+from warpdeform.simulation import BodyHandle, Simulation
+
+Array = NDArray[np.float64]
+
+GRAVITY = 9.81
+AT_REST = 1e-4
+"""Largest unbalanced force over node weight that counts as rest."""
+
+
+def equilibrium(body: Body, *, dt: float = 100.0, gravity: Sequence[float] = (0.0, 0.0, -GRAVITY)) -> Simulation:
+    """The simulation of one body, stepped until it stands still.
+
+    Steps of `dt` [s] end when no node moves by more than 1e-7 of the body's length from one to the next. Small steps
+    find the way from a start without stiffness, such as a slack chain; large ones need few.
+    """
+    settings = Settings(
+        integrator="implicit-euler",
+        fps=1.0 / dt,
+        newton_iterations=0,
+        newton_tolerance=1e-8,
+        cg_tolerance=1e-4,
+        cg_iterations=50000,
+        precision="float64",
+        device="cpu",
+        gravity=(gravity[0], gravity[1], gravity[2]),
+    )
+    simulation = Simulation([body], settings=settings)
+    handle = simulation.bodies[0]
+    last = handle.positions()
+    still = 1e-7 * float(np.ptp(handle.rest_positions, axis=(0, 1)).max())
+    for _ in range(100):
+        report = simulation.step()
+        now = handle.positions()
+        moved, last = float(np.abs(now - last).max()), now
+        if moved < still:
+            assert report.residual < AT_REST * GRAVITY, f"stands still out of balance: {report}"
+            return simulation
+    raise AssertionError(f"still moving by {moved:g} m a step: {report}")
+
+
+def elastic_forces(handle: BodyHandle) -> Array:
+    """Elastic force on each node [N], shape (nu, nv, 3); at rest a pin carries it together with the node's weight."""
+    state, gradient = handle.state, handle.model.zeros(3)
+    handle.elasticity.linearise(state, state.x)
+    handle.elasticity.add_gradient(state, state.x, gradient)
+    return -handle.model.download(gradient)
+
+
+def orders(errors: Sequence[float]) -> list[float]:
+    """Orders of convergence of errors at resolutions that double."""
+    return [float(np.log2(abs(a / b))) for a, b in zip(errors, errors[1:], strict=False)]

@@ -1,0 +1,176 @@
+"""Benchmarks run at tiny sizes and say what they measured; nothing here asks how fast."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+import warp as wp
+from typer.testing import CliRunner
+
+from warpdeform.cli import app
+from warpdeform.study.bench import kernels as kernel_bench
+from warpdeform.study.bench.kernels import bench_kernels
+from warpdeform.study.bench.machine import describe, one_core, sentence
+from warpdeform.study.bench.passes import PASSES, YARDSTICK, Sheet
+from warpdeform.study.bench.start import _COMPILED
+from warpdeform.study.bench.table import Target, table, targets_lines
+from warpdeform.study.bench.yardstick import FLUXES, WEIGHTS, yardstick
+
+FEW = [each for each in PASSES if each.name in (YARDSTICK, "membrane flux", "membrane product")]
+
+
+def bench(*arguments: str) -> dict[str, object]:
+    """What `warpdeform bench ... --json` prints."""
+    result = CliRunner().invoke(app, ["bench", *arguments, "--json"])
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+@pytest.mark.parametrize("width", [1, 16])
+def test_yardstick_is_the_flux_of_edges_and_shear(width: int) -> None:
+    n, columns = 6, 2 * width + (8 if width == 1 else 16)
+    rng = np.random.default_rng(1)
+    r, p = rng.uniform(-1, 1, (2, 3, n + 2, columns))
+    weights = rng.uniform(-1, 1, (WEIGHTS, n + 2, columns))
+    k = 3.0
+
+    def device(a: np.ndarray) -> wp.array:
+        return wp.array(a, dtype=wp.float32, device="cpu")
+
+    flux_u, flux_v = (device(np.full((FLUXES, n + 2, columns), np.nan)) for _ in range(2))
+    inputs = [device(r), device(weights), wp.float32(k), device(p), flux_u, flux_v]
+    groups = (columns - 2 * width) // width
+    wp.launch(yardstick(width, wp.float32), dim=(n, groups), inputs=inputs, device="cpu")
+
+    here, right = slice(width, columns - width), slice(width + 1, columns - width + 1)
+
+    def edges(a: np.ndarray) -> tuple[np.ndarray, ...]:
+        a00, a10, a01, a11 = a[:, 1:-1, here], a[:, 2:, here], a[:, 1:-1, right], a[:, 2:, right]
+        return k * (a10 - a00), k * (a01 - a00), k / 2 * (a10 + a11 - a00 - a01), k / 2 * (a01 + a11 - a00 - a10)
+
+    (e1, e2, m1, m2), (d1, d2, n1, n2) = edges(r), edges(p)
+    w = weights[:, 1:-1, here]
+    shear = w[2] * np.sum(m2 * n1 + m1 * n2, axis=0)
+    for found, e, d, m, a in ((flux_u, e1, d1, m2, 0), (flux_v, e2, d2, m1, 1)):
+        expected = np.concatenate([w[a] * np.sum(e * d, axis=0) * e + w[3 + a] * d, shear * m])
+        np.testing.assert_allclose(found.numpy()[:, 1:-1, here], expected, rtol=2e-5, atol=2e-4)
+
+
+def test_passes_leave_finite_numbers_in_every_array() -> None:
+    sheet = Sheet(9, "float32", 1, wp.get_device("cpu"))
+    for each in PASSES:
+        for _ in range(3):
+            each.launch(sheet)
+    for values in (sheet.sum, sheet.blocks, sheet.z, sheet.flux_u, sheet.shell.scatter, sheet.state.partials):
+        assert np.isfinite(values.numpy()).all()
+        assert np.any(values.numpy())
+
+
+def test_kernels_compare_lane_widths_and_the_yardstick() -> None:
+    times = bench_kernels([9, 64], repeats=2, passes=FEW)
+    assert [(t.nodes, t.width) for t in times.passes if t.name == YARDSTICK] == [(9, 16), (9, 1), (64, 16), (64, 1)]
+    assert all(t.fastest_ns > 0 and t.median_ns >= t.fastest_ns for t in times.passes)
+    assert all(t.over_yardstick == 1.0 for t in times.passes if t.name == YARDSTICK)
+    assert all(t.over_wide == 1.0 for t in times.passes if t.width == 16)
+    assert [t.name for t in times.targets] == ["membrane flux, 64 x 64", "membrane product, 64 x 64"]
+    text = "\n".join(times.lines())
+    assert "| membrane flux " in text
+    assert "times the yardstick (limit 1.3)" in text
+
+
+def test_kernels_as_json(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernel_bench, "PASSES", FEW)
+    found = bench("kernels", "--sizes", "9", "--repeats", "1", "--precision", "float64")
+    assert found["precision"] == "float64"
+    assert {p["width"] for p in found["passes"]} == {8, 1}
+    assert {p["name"] for p in found["passes"]} == {each.name for each in FEW}
+    assert found["targets"] == []
+
+
+def test_step_as_json() -> None:
+    found = bench("step", "--sizes", "9", "--newton", "1", "--repeats", "1", "--set", "scene.duration=0.1")
+    (run,) = found["runs"]
+    assert (run["nodes"], run["newton"], run["steps"]) == (9, 1, 6)
+    assert run["newton_iterations"] == 6
+    assert run["cg_iterations"] > 6
+    assert run["median"] > 0
+    assert run["bytes_per_node"] > 0
+    assert found["core"] is None or found["core"] in os.sched_getaffinity(0)
+
+
+def test_step_as_a_table() -> None:
+    result = CliRunner().invoke(
+        app, ["bench", "step", "--sizes", "32", "--newton", "0", "--repeats", "1", "--set", "scene.duration=0.05"]
+    )
+    assert result.exit_code == 0, result.output
+    assert "| 32 x 32 |    to tolerance |" in result.stdout
+    assert "bytes per node (limit 1000)" in result.stdout
+
+
+@pytest.mark.slow
+def test_start_as_json() -> None:
+    found = bench("start", "--repeats", "1")
+    assert [len(found[kind]) for kind in ("help", "cold", "warm")] == [1, 1, 1]
+    cold, warm = found["cold"][0], found["warm"][0]
+    assert any(name.startswith("warpdeform_surface") for name in cold["compiled"])
+    assert warm["compiled"] == {}
+    assert list(cold["phases"]) == list(warm["phases"])
+    assert {t["limit"] for t in found["targets"]} == {0.5, 2.0, 30.0}
+
+
+def test_lines_about_modules_are_understood() -> None:
+    said = (
+        "Module a_float32_16 1022771 load on device 'cpu' took 9768.46 ms  (compiled)\n"
+        "Module b_float32_16 5964ef1 load on device 'cpu' took 7.20 ms  (cached)\n"
+    )
+    assert _COMPILED.findall(said) == [("a_float32_16", "9768.46")]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "mistake"),
+    [
+        (["kernels", "--sizes", "1"], "--sizes = 1: must be whole numbers of at least 2"),
+        (["kernels", "--sizes", "64,x"], "--sizes = 64,x"),
+        (["kernels", "--precision", "half"], "--precision = half: is not a precision"),
+        (["kernels", "--device", "tpu"], "device = tpu: does not exist"),
+        (["step", "--newton", "-1"], "--newton = -1"),
+        (["step", "--scene", "nowhere"], "nowhere"),
+        (["start", "--scene", "nowhere"], "nowhere"),
+    ],
+)
+def test_bad_options_are_refused(arguments: list[str], mistake: str) -> None:
+    result = CliRunner().invoke(app, ["bench", *arguments])
+    assert result.exit_code == 2, result.output
+    assert mistake in result.output.replace("'", "").replace('"', "")
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="the system does not let a process choose its core")
+def test_one_core_is_given_back() -> None:
+    before = os.sched_getaffinity(0)
+    with one_core() as core:
+        assert os.sched_getaffinity(0) == {core}
+    assert os.sched_getaffinity(0) == before
+
+
+def test_machine_is_described() -> None:
+    machine = describe()
+    assert machine["cores"] >= 1
+    assert machine["warp"] in sentence(machine)
+
+
+def test_tables_align() -> None:
+    lines = table(["pass", "ns"], [["a long name", "1.25"], ["b", "10.50"]])
+    assert lines == [
+        "| pass        |    ns |",
+        "|-------------|------:|",
+        "| a long name |  1.25 |",
+        "| b           | 10.50 |",
+    ]
+
+
+def test_targets_say_whether_they_are_met() -> None:
+    assert targets_lines([Target("x", "s", 0.4, 0.5), Target("y", "s", 0.6, 0.5)]) == [
+        "met   x: 0.4 s (limit 0.5)",
+        "MISS  y: 0.6 s (limit 0.5)",
+    ]

@@ -1,0 +1,94 @@
+"""The parameter grid and its memory layout."""
+
+import numpy as np
+import pytest
+from surfaces import GRIDS
+
+from warpdeform.grid import Layout, ParameterGrid
+
+WIDTHS = [1, 8, 16]
+
+
+@pytest.mark.parametrize(
+    ("periodic", "cells"), [((False, False), (3, 6)), ((True, False), (4, 6)), ((False, True), (3, 7))]
+)
+def test_periodic_axes_have_as_many_cells_as_nodes(periodic: tuple[bool, bool], cells: tuple[int, int]) -> None:
+    grid = ParameterGrid((4, 7), (0.1, 0.2), periodic)
+    assert grid.cells == cells
+    assert grid.node_count == 28
+
+
+@pytest.mark.parametrize("nodes", GRIDS, ids=str)
+def test_parameters_run_from_nought_to_one(nodes: tuple[int, int]) -> None:
+    a = ParameterGrid(nodes, (0.3, 0.4)).parameters()
+    assert a.shape == (*nodes, 2)
+    assert a[0, 0].tolist() == [0.0, 0.0]
+    assert a[-1, -1].tolist() == [1.0, 1.0]
+    np.testing.assert_allclose(a[1, 0], [1 / (nodes[0] - 1), 0])
+    np.testing.assert_allclose(a[0, 1], [0, 1 / (nodes[1] - 1)])
+
+
+def test_last_parameter_of_a_periodic_axis_is_one_cell_short() -> None:
+    a = ParameterGrid((4, 5), (0.3, 0.4), (True, False)).parameters()
+    np.testing.assert_allclose(a[-1, -1], [0.75, 1.0])
+
+
+@pytest.mark.parametrize("nodes", GRIDS, ids=str)
+def test_nodes_share_what_their_cells_have(nodes: tuple[int, int]) -> None:
+    grid = ParameterGrid(nodes, (0.3, 0.4))
+    even = grid.cells_to_nodes(np.full(grid.cells, 4.0))
+    trapezoid = [np.where(np.isin(np.arange(n), (0, n - 1)), 1.0, 2.0) for n in nodes]
+    np.testing.assert_allclose(even, np.outer(*trapezoid))
+    cells = np.random.default_rng(0).uniform(size=grid.cells)
+    assert grid.cells_to_nodes(cells).sum() == pytest.approx(cells.sum(), rel=1e-13)
+
+
+def test_cells_of_a_periodic_axis_share_around_the_seam() -> None:
+    grid = ParameterGrid((4, 3), (0.3, 0.4), (True, False))
+    cells = np.zeros((4, 2))
+    cells[3, 0] = 4.0
+    shares = grid.cells_to_nodes(cells)
+    assert shares[[3, 0], :2].tolist() == [[1.0, 1.0], [1.0, 1.0]]
+    assert shares.sum() == 4.0
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("nodes", GRIDS, ids=str)
+def test_layout_frames_whole_lane_groups(nodes: tuple[int, int], width: int) -> None:
+    layout = Layout(nodes, width)
+    assert layout.halo == width
+    assert layout.rows == nodes[0] + 2
+    assert layout.columns % width == 0
+    assert nodes[1] + 2 * width <= layout.columns < nodes[1] + 3 * width
+    assert layout.lane_dim == (nodes[0], -(-nodes[1] // width))
+    assert (layout.lane_dim[1] + 2) * width == layout.columns
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("nodes", GRIDS, ids=str)
+def test_pack_puts_nodes_in_their_places_and_zero_around(nodes: tuple[int, int], width: int) -> None:
+    layout = Layout(nodes, width)
+    values = np.random.default_rng(1).normal(size=(*nodes, 4))
+    packed = layout.pack(values)
+    assert packed.shape == (4, layout.rows, layout.columns)
+    for i, j in ((0, 0), (nodes[0] - 1, nodes[1] - 1), (1, 0)):
+        np.testing.assert_array_equal(packed[:, i + 1, j + width], values[i, j])
+    assert np.count_nonzero(packed) == values.size
+    np.testing.assert_array_equal(layout.unpack(packed), values)
+
+
+def test_pack_takes_one_number_per_node_and_fewer_samples_than_nodes() -> None:
+    layout = Layout((3, 5), 8)
+    assert layout.pack(np.ones((3, 5))).shape == (1, 5, 24)
+    cells = np.arange(8.0).reshape(2, 4, 1)
+    packed = layout.pack(cells)
+    np.testing.assert_array_equal(packed[0, 1:3, 8:12], cells[..., 0])
+    assert packed[0, 3].sum() == 0
+    np.testing.assert_array_equal(layout.unpack(packed, (2, 4)), cells)
+
+
+def test_unpack_is_a_copy() -> None:
+    layout = Layout((3, 5), 1)
+    packed = layout.pack(np.ones((3, 5, 2)))
+    layout.unpack(packed)[:] = 7.0
+    assert packed.max() == 1.0
