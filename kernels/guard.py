@@ -90,7 +90,7 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
 
     @wp.func
     def approach(o: Obstacle, pose: Pose, memory: wp.array3d(dtype=real), i: int, j: int, z: V, length: real):
-        """The outward normal at z and the way a node may go against it; a zero normal where `length` [m] does no harm."""
+        """The outward normal at z and how far a node may go against it; no normal where `length` [m] does no harm."""
         p = wp.transpose(pose.rotation) * (z - pose.position)
         f = remembered_distance(o, memory, i, j, p, real(1.2) * length + nearest * o.gap)
         room = o.floor

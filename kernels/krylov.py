@@ -31,7 +31,7 @@ def krylov(width: int, real: Any) -> SimpleNamespace:
     """Lane kernels of conjugate gradient for one lane width and precision."""
     words = lanes(width, real)
     load1, load3, load6, store3 = words.load1, words.load3, words.load6, words.store3
-    dot3, scale, mul, splat, store6 = words.dot3, words.scale, words.mul, words.splat, words.store6
+    dot3, scale, splat, store6 = words.dot3, words.scale, words.splat, words.store6
     sum_lanes, apply6, inverse6, isotropic = words.sum_lanes, words.apply6, words.inverse6, words.isotropic
     root, max_lanes, div, at_least = words.root, words.max_lanes, words.div, words.at_least
     V = words.V

@@ -10,7 +10,6 @@ Names: ``L`` one real per lane, ``V`` a 3-vector per lane, ``S`` a symmetric 3 x
 """
 
 import functools
-import re
 from types import SimpleNamespace
 from typing import Any
 
@@ -187,167 +186,141 @@ def _scalar_words(real: Any) -> SimpleNamespace:
             r * xy, r * xz, r * (s[3] * s[4] - s[0] * s[5]),
         )  # fmt: skip
 
-    names = dict(locals())
-    return SimpleNamespace(**{name: word for name, word in names.items() if name in WORDS})
+    return _chosen(locals())
 
 
 def _wide_words(width: int, real: Any) -> SimpleNamespace:
-    """The words over `width` lanes, in Clang's vector types: left to itself LLVM vectorises only some of the loops."""
-    W, rn = width, NATIVE[real]
-    L = wp.types.vector(W, real)
-    V = wp.types.matrix((3, W), real)
-    S = wp.types.matrix((6, W), real)
-    vec, mat3, mat6 = f"wp::vec_t<{W}, {rn}>", f"wp::mat_t<3, {W}, {rn}>", f"wp::mat_t<6, {W}, {rn}>"
-    size = 4 if real == wp.float32 else 8
-    lanes_type = f"typedef {rn} lv __attribute__((vector_size({W * size}), aligned({size}), may_alias));"
+    """The words over `width` lanes, in Clang's vector types: left to itself LLVM vectorises only some of the loops.
 
-    def native(code: str) -> str:
-        return f"{lanes_type} {code}"
+    In the snippets ``lv`` is a vector of lanes in memory, ``row(x, k)`` component k of a V or S, ``one(x)`` an L.
+    """
+    rn, size = NATIVE[real], width * (4 if real == wp.float32 else 8)
+    L = wp.types.vector(width, real)
+    V = wp.types.matrix((3, width), real)
+    S = wp.types.matrix((6, width), real)
+    vec, mat3, mat6 = f"wp::vec_t<{width}, {rn}>", f"wp::mat_t<3, {width}, {rn}>", f"wp::mat_t<6, {width}, {rn}>"
+    lane_vector = f"typedef {rn} lv __attribute__((vector_size({size}), aligned({size // width}), may_alias)); "
+    each = f"for (int k = 0; k < {width}; ++k)"
 
     def row(name: str, k: int) -> str:
         return f"(*(lv*)&{name}.data[{k}][0])"
 
-    def rows(result: str, n: int, expression: str) -> str:
-        """Code of a matrix-valued word: `expression` gives row k, with rows of an argument x written x[k]."""
-        body = "".join(
-            f"{row('r', k)} = {re.sub(chr(92) + 'b' + '([a-z])' + chr(92) + '[k' + chr(92) + ']', lambda m: row(m[1], k), expression)};"
-            for k in range(n)
-        )
-        return f"{result} r; {body} return r;"
+    def one(name: str) -> str:
+        return f"(*(lv*)&{name}.c[0])"
+
+    def place(k: int) -> str:
+        return f"(*(lv*)&wp::index(a, c0 + {k}, i, j))"
 
     def lane(expression: str) -> str:
-        return f"{vec} r; *(lv*)&r.c[0] = {expression}; return r;"
+        """Code of a word that gives an L."""
+        return f"{lane_vector}{vec} r; {one('r')} = {expression}; return r;"
 
-    def load(result: str, n: int) -> str:
-        body = "".join(f"{row('r', k)} = *(const lv*)&wp::index(a, c0 + {k}, i, j);" for k in range(n))
-        return f"{result} r; {body} return r;"
+    def lane_by_lane(expression: str) -> str:
+        """The same, lane k by lane k."""
+        return f"{vec} r; {each} r.c[k] = {expression}; return r;"
+
+    def rows(result: str, *expressions: str) -> str:
+        """Code of a word that gives a V or S, one expression for each of its rows."""
+        body = "".join(f"{row('r', k)} = {expression}; " for k, expression in enumerate(expressions))
+        return f"{lane_vector}{result} r; {body}return r;"
 
     def store(n: int) -> str:
-        return "".join(f"*(lv*)&wp::index(a, c0 + {k}, i, j) = {row('v', k)};" for k in range(n))
+        return lane_vector + "".join(f"{place(k)} = {row('v', k)}; " for k in range(n))
 
-    x, y = "(*(lv*)&a.c[0])", "(*(lv*)&b.c[0])"
-    each = f"for (int k = 0; k < {W}; ++k)"
+    def products(k: int, m: int) -> str:
+        return f"{row('a', k)} * {row('b', m)}"
 
-    @wp.func_native(native(lane("*(const lv*)&wp::index(a, c0, i, j)")))
+    def mixed(k: int, m: int) -> str:
+        """An off-diagonal entry of the symmetric part of a b'."""
+        return f"({rn})0.5 * ({products(k, m)} + {products(m, k)})"
+
+    @wp.func_native(lane(place(0)))
     def load1(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> L: ...
 
-    @wp.func_native(native(load(mat3, 3)))
+    @wp.func_native(rows(mat3, *(place(k) for k in range(3))))
     def load3(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> V: ...
 
-    @wp.func_native(native(load(mat6, 6)))
+    @wp.func_native(rows(mat6, *(place(k) for k in range(6))))
     def load6(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> S: ...
 
-    @wp.func_native(native("*(lv*)&wp::index(a, c0, i, j) = *(lv*)&v.c[0];"))
+    @wp.func_native(f"{lane_vector}{place(0)} = {one('v')};")
     def store1(a: wp.array3d(dtype=real), c0: int, i: int, j: int, v: L): ...
 
-    @wp.func_native(native(store(3)))
+    @wp.func_native(store(3))
     def store3(a: wp.array3d(dtype=real), c0: int, i: int, j: int, v: V): ...
 
-    @wp.func_native(native(store(6)))
+    @wp.func_native(store(6))
     def store6(a: wp.array3d(dtype=real), c0: int, i: int, j: int, v: S): ...
 
-    @wp.func_native(native(f"{vec} r; {each} r.c[k] = x; return r;"))
+    @wp.func_native(lane_by_lane("x"))
     def splat(x: real) -> L: ...
 
-    @wp.func_native(native(lane(f"{x} * {y}")))
+    @wp.func_native(lane(f"{one('a')} * {one('b')}"))
     def mul(a: L, b: L) -> L: ...
 
-    @wp.func_native(native(lane(f"{x} / {y}")))
+    @wp.func_native(lane(f"{one('a')} / {one('b')}"))
     def div(a: L, b: L) -> L: ...
 
-    @wp.func_native(native(f"{vec} r; {each} r.c[k] = wp::sqrt(a.c[k]); return r;"))
+    @wp.func_native(lane_by_lane("wp::sqrt(a.c[k])"))
     def root(a: L) -> L: ...
 
-    @wp.func_native(native(f"{vec} r; {each} r.c[k] = a.c[k] > floor ? a.c[k] : floor; return r;"))
+    @wp.func_native(lane_by_lane("a.c[k] > floor ? a.c[k] : floor"))
     def at_least(a: L, floor: real) -> L: ...
 
-    @wp.func_native(native(f"double s = 0.0; {each} s += (double)a.c[k]; return s;"))
+    @wp.func_native(f"double s = 0.0; {each} s += (double)a.c[k]; return s;")
     def sum_lanes(a: L) -> wp.float64: ...
 
     # A lane that is not a number wins and stays: no comparison with it holds.
-    @wp.func_native(native(f"{rn} m = a.c[0]; {each} m = a.c[k] > m || a.c[k] != a.c[k] ? a.c[k] : m; return m;"))
+    @wp.func_native(f"{rn} m = a.c[0]; {each} m = a.c[k] > m || a.c[k] != a.c[k] ? a.c[k] : m; return m;")
     def max_lanes(a: L) -> real: ...
 
-    def at(name: str, k: int) -> str:
-        return row(name, k)
-
-    @wp.func_native(
-        native(lane(f"{at('a', 0)} * {at('b', 0)} + {at('a', 1)} * {at('b', 1)} + {at('a', 2)} * {at('b', 2)}"))
-    )
+    @wp.func_native(lane(f"{products(0, 0)} + {products(1, 1)} + {products(2, 2)}"))
     def dot3(a: V, b: V) -> L: ...
 
-    @wp.func_native(
-        native(
-            f"{mat3} r; {at('r', 0)} = {at('a', 1)} * {at('b', 2)} - {at('a', 2)} * {at('b', 1)};"
-            f"{at('r', 1)} = {at('a', 2)} * {at('b', 0)} - {at('a', 0)} * {at('b', 2)};"
-            f"{at('r', 2)} = {at('a', 0)} * {at('b', 1)} - {at('a', 1)} * {at('b', 0)}; return r;"
-        )
-    )
+    @wp.func_native(rows(mat3, *(f"{products(k, m)} - {products(m, k)}" for k, m in ((1, 2), (2, 0), (0, 1)))))
     def cross3(a: V, b: V) -> V: ...
 
-    @wp.func_native(native("const lv t = *(lv*)&s.c[0]; " + rows(mat3, 3, "t * a[k]")))
+    @wp.func_native(rows(mat3, *(f"{one('s')} * {row('a', k)}" for k in range(3))))
     def scale(s: L, a: V) -> V: ...
 
-    @wp.func_native(native("const lv t = *(lv*)&s.c[0]; " + rows(mat6, 6, "t * a[k]")))
+    @wp.func_native(rows(mat6, *(f"{one('s')} * {row('a', k)}" for k in range(6))))
     def scale6(s: L, a: S) -> S: ...
 
-    @wp.func_native(
-        native(
-            f"{mat6} r; const {rn} h = ({rn})0.5;"
-            + "".join(f"{at('r', k)} = {at('a', k)} * {at('b', k)};" for k in range(3))
-            + "".join(
-                f"{at('r', n)} = h * ({at('a', k)} * {at('b', m)} + {at('a', m)} * {at('b', k)});"
-                for n, k, m in ((3, 0, 1), (4, 0, 2), (5, 1, 2))
-            )
-            + "return r;"
-        )
-    )
+    @wp.func_native(rows(mat6, *(products(k, k) for k in range(3)), mixed(0, 1), mixed(0, 2), mixed(1, 2)))
     def outer(a: V, b: V) -> S: ...
 
     @wp.func_native(
-        native(
-            f"{mat6} r; "
-            + "".join(
-                f"{at('r', n)} = {at(name, k)};"
-                for n, name, k in ((0, "a", 0), (1, "b", 1), (2, "c", 2), (3, "a", 1), (4, "a", 2), (5, "b", 2))
-            )
-            + "return r;"
-        )
+        rows(mat6, row("a", 0), row("b", 1), row("c", 2), row("a", 1), row("a", 2), row("b", 2)),
     )
     def symmetric(a: V, b: V, c: V) -> S: ...
 
-    @wp.func_native(
-        native(
-            f"{mat6} r; const lv t = *(lv*)&s.c[0]; "
-            + "".join(f"{at('r', k)} = t; {at('r', k + 3)} = t - t;" for k in range(3))
-            + "return r;"
-        )
-    )
+    @wp.func_native(rows(mat6, *[one("s")] * 3, *["lv{}"] * 3))
     def isotropic(s: L) -> S: ...
 
     @wp.func_native(
-        native(
-            f"{mat3} r; "
-            + "".join(
-                f"{at('r', n)} = {at('s', k)} * {at('a', 0)} + {at('s', m)} * {at('a', 1)} + {at('s', q)} * {at('a', 2)};"
-                for n, k, m, q in ((0, 0, 3, 4), (1, 3, 1, 5), (2, 4, 5, 2))
-            )
-            + "return r;"
+        rows(
+            mat3,
+            *(
+                f"{row('s', k)} * {row('a', 0)} + {row('s', m)} * {row('a', 1)} + {row('s', n)} * {row('a', 2)}"
+                for k, m, n in ((0, 3, 4), (3, 1, 5), (4, 5, 2))
+            ),
         )
     )
     def apply6(s: S, a: V) -> V: ...
 
     @wp.func_native(
-        native(
-            f"{mat6} o; {each} {{ const {rn} a = s.data[0][k], b = s.data[1][k], c = s.data[2][k], d = s.data[3][k],"
-            " e = s.data[4][k], f = s.data[5][k];"
-            f" const {rn} xx = b * c - f * f, xy = e * f - d * c, xz = d * f - e * b;"
-            f" const {rn} det = a * xx + d * xy + e * xz; const {rn} r = det > ({rn})0 ? ({rn})1 / det : ({rn})0;"
-            " o.data[0][k] = r * xx; o.data[1][k] = r * (a * c - e * e); o.data[2][k] = r * (a * b - d * d);"
-            " o.data[3][k] = r * xy; o.data[4][k] = r * xz; o.data[5][k] = r * (d * e - a * f); } return o;"
-        )
+        f"{mat6} o; {each} {{ const {rn} a = s.data[0][k], b = s.data[1][k], c = s.data[2][k], d = s.data[3][k],"
+        " e = s.data[4][k], f = s.data[5][k];"
+        f" const {rn} xx = b * c - f * f, xy = e * f - d * c, xz = d * f - e * b;"
+        f" const {rn} det = a * xx + d * xy + e * xz; const {rn} r = det > ({rn})0 ? ({rn})1 / det : ({rn})0;"
+        " o.data[0][k] = r * xx; o.data[1][k] = r * (a * c - e * e); o.data[2][k] = r * (a * b - d * d);"
+        " o.data[3][k] = r * xy; o.data[4][k] = r * xz; o.data[5][k] = r * (d * e - a * f); } return o;"
     )
     def inverse6(s: S) -> S: ...
 
-    names = dict(locals())
+    return _chosen(locals())
+
+
+def _chosen(names: dict[str, Any]) -> SimpleNamespace:
+    """The words among the names of a function."""
     return SimpleNamespace(**{name: word for name, word in names.items() if name in WORDS})

@@ -11,7 +11,7 @@ import pytest
 import warp as wp
 from surfaces import MATERIALS, noise, stretched
 
-from warpdeform.body import Body, Pin, Spring
+from warpdeform.body import Body, Pin, Spring, rotate
 from warpdeform.errors import InputError, SimulationFailure
 from warpdeform.integrators import INTEGRATORS
 from warpdeform.material import Material
@@ -27,9 +27,9 @@ Array = np.ndarray[Any, Any]
 
 CLOTH = Material(areal_density=0.2, membrane_stiffness=1000.0, poisson_ratio=0.3, bending_stiffness=1e-5)
 REAL_TIME = Settings(device="cpu")
-PRECISE = Settings(
-    device="cpu", precision="float64", newton_iterations=0, newton_tolerance=1e-10, cg_tolerance=1e-9, cg_iterations=2000
-)  # fmt: skip
+PRECISE = replace(
+    REAL_TIME, precision="float64", newton_iterations=0, newton_tolerance=1e-9, cg_tolerance=1e-9, cg_iterations=2000
+)
 CORNERS = (Pin("corner:0,0"), Pin("corner:0,1"))
 LIFT = Track.line((0.0, 0.0, 0.0), (0.3, -0.1, 0.7), 0.0, 0.5)
 
@@ -41,15 +41,12 @@ def hanging(nodes: tuple[int, int] = (6, 19), **body: Any) -> Body:
 def busy(**settings: Any) -> Simulation:
     """Two bodies with every kind of load: a moving pin, a spring, wind in gusts, drag, an obstacle with friction."""
     banner = hanging(pins=(Pin("corner:0,0"), Pin("corner:0,1", LIFT)), drag=0.5)
-    scarf = hanging(
-        (4, 7), name="scarf", pins=(), springs=(Spring("corner:1,1", 5.0),), position=(0.0, 0.0, 0.4), velocity=(0, 0, -1)
-    )  # fmt: skip
+    loose: dict[str, Any] = {"pins": (), "springs": (Spring("corner:1,1", 5.0),), "velocity": (0, 0, -1)}
+    scarf = hanging((4, 7), name="scarf", position=(0.0, 0.0, 0.4), **loose)
     ball = Obstacle("sphere", {"radius": 0.2}, track=Track.fixed((0.5, 0.5, 0.1)), friction=0.4)
     options = {key: settings.pop(key) for key in ("captured", "lane_width") if key in settings}
-    return Simulation(
-        [banner, scarf], obstacles=[ball], wind=Wind((3.0, 1.0, 0.0), gust=0.4), settings=replace(REAL_TIME, **settings),
-        **options,
-    )  # fmt: skip
+    wind, solver = Wind((3.0, 1.0, 0.0), gust=0.4), replace(REAL_TIME, **settings)
+    return Simulation([banner, scarf], obstacles=[ball], wind=wind, settings=solver, **options)
 
 
 def run(simulation: Simulation, steps: int) -> list[Array]:
@@ -65,11 +62,11 @@ def assert_same_bits(found: list[Array], expected: list[Array]) -> None:
 
 
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-@pytest.mark.parametrize("newton_iterations", [1, 0])
-def test_replayed_steps_are_the_launched_ones_to_the_bit(integrator: str, newton_iterations: int) -> None:
+@pytest.mark.parametrize(("newton_iterations", "steps"), [(1, 12), (0, 3)], ids=["one iteration", "to tolerance"])
+def test_replayed_steps_are_the_launched_ones_to_the_bit(integrator: str, newton_iterations: int, steps: int) -> None:
     options: dict[str, Any] = {"integrator": integrator, "newton_iterations": newton_iterations}
     replayed, launched = busy(**options), busy(captured=False, **options)
-    assert_same_bits(run(replayed, 12), run(launched, 12))
+    assert_same_bits(run(replayed, steps), run(launched, steps))
     statistics = [replace(s.record(), wall_s=0.0, setup_s=0.0) for s in (replayed, launched)]
     assert statistics[0] == statistics[1]
 
@@ -136,7 +133,8 @@ def test_led_pins_are_on_their_track_to_the_last_bit(integrator: str, precision:
         ])  # fmt: skip
         led = simulation["sheet"].positions()[0]
         np.testing.assert_allclose(led, position + start[0] @ R.T, atol=1e-6 if precision == "float32" else 1e-14)
-        np.testing.assert_array_equal(led, simulation["sheet"].model.target.numpy()[:, 1, -19 - 16 :].T[:19] * 0 + led)
+        exact = position + rotate((x, y, z, w), start[0])
+        np.testing.assert_array_equal(led, exact.astype(precision))
     np.testing.assert_array_equal(simulation["sheet"].positions()[-1, -1], start[-1, -1].astype(precision))
 
 
@@ -164,8 +162,9 @@ def test_nothing_to_do_changes_nothing(settings: Settings) -> None:
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_lane_widths_agree_to_round_off(precision: str) -> None:
-    widths, tolerance = ((1, 8), 1e-9) if precision == "float64" else ((1, 16), 1e-3)
-    settings: dict[str, Any] = {"precision": precision, "newton_iterations": 3, "cg_tolerance": 1e-5}
+    # How far sums of another order lead apart is a matter of the tolerance of the linear solves.
+    widths, tolerance, cg = ((1, 8), 1e-9, 1e-11) if precision == "float64" else ((1, 16), 1e-3, 1e-5)
+    settings: dict[str, Any] = {"precision": precision, "newton_iterations": 3, "cg_tolerance": cg}
     narrow, wide = (run(busy(lane_width=width, **settings), 10) for width in widths)
     moved = np.abs(narrow[0] - sheet((6, 19)).positions).max()
     assert moved > 0.1
@@ -177,7 +176,8 @@ def test_lane_widths_agree_to_round_off(precision: str) -> None:
 @pytest.mark.parametrize("gravity", [(0.0, 0.0, 0.0), (1.0, -2.0, -9.81)], ids=["weightless", "falling"])
 def test_momentum_in_free_flight(integrator: str, gravity: tuple[float, float, float]) -> None:
     shape, velocity = sheet((5, 9)), np.array([1.0, -2.0, 0.5])
-    body = hanging(shape=shape, pins=(), initial_positions=stretched(shape.positions), velocity=tuple(velocity))
+    start = 0.9 * shape.positions + 0.1 * stretched(shape.positions)
+    body = hanging(shape=shape, pins=(), initial_positions=start, velocity=tuple(velocity))
     simulation = Simulation([body], settings=replace(PRECISE, integrator=integrator, gravity=gravity))
     handle = simulation["sheet"]
     mass = handle.model.node_mass[..., None]
@@ -187,7 +187,7 @@ def test_momentum_in_free_flight(integrator: str, gravity: tuple[float, float, f
         momentum = np.sum(mass * handle.velocities(), (0, 1))
         expected = mass.sum() * (velocity + np.array(gravity) * simulation.time)
         np.testing.assert_allclose(momentum, expected, atol=1e-9 * np.linalg.norm(expected))
-    assert np.abs(np.linalg.norm(np.diff(handle.positions(), axis=0), axis=-1) - lengths).max() > 0.01
+    assert np.abs(np.linalg.norm(np.diff(handle.positions(), axis=0), axis=-1) - lengths).max() > 1e-3
 
 
 def test_weightless_float32_keeps_its_momentum() -> None:
@@ -209,17 +209,12 @@ def test_node_that_is_not_finite_is_named(node: tuple[int, int], precision: str)
     run(simulation, 3)
     live = simulation["bad"].position_array.numpy()
     live[1, 1 + node[0], simulation["bad"].model.layout.halo + node[1]] = np.nan
-    # Pinned nodes are put back where they belong before anything looks at them.
-    if node == (0, 0):
-        simulation.step()
-        return
     with pytest.raises(SimulationFailure) as error:
         simulation.step()
     assert (error.value.body, error.value.node) == ("bad", node)
     assert error.value.time == pytest.approx(4 / 60)
     assert error.value.remedy
-    for part in ("bad", str(list(node)) if False else str(node[0]), "0.0667"):
-        assert part in str(error.value)
+    assert f'body "bad", node {list(node)}, t = 0.0666667 s' in str(error.value)
 
 
 def test_forces_that_overflow_are_a_failure_and_a_reset_heals_them() -> None:
@@ -263,10 +258,12 @@ def test_iterations_to_tolerance_end_converged() -> None:
 
 
 def test_fixed_iterations_are_those_asked_for() -> None:
-    simulation = Simulation([hanging()], settings=replace(REAL_TIME, newton_iterations=3, cg_iterations=4))
+    simulation = Simulation(
+        [hanging()], settings=replace(REAL_TIME, newton_iterations=3, cg_iterations=2, cg_tolerance=1e-6)
+    )
     report = simulation.step()
     assert (report.outcome, report.newton_iterations, report.cg_capped) == (Outcome.FIXED, 3, 3)
-    assert report.cg_iterations == 12
+    assert report.cg_iterations == 6
     assert simulation.record().cg_capped == 3
 
 
@@ -351,7 +348,7 @@ def test_memory_and_terms_are_told() -> None:
     parts = [body.bytes + sum(term.bytes for term in body.terms) for body in info.bodies]
     assert info.bytes_total == sum(parts) + info.solver_bytes
     lines = info.lines()
-    assert lines[0].startswith("banner" if False else "sheet: surface 6 x 19")
+    assert lines[0].startswith("sheet: surface 6 x 19")
     assert any("scarf: surface 4 x 7" in line for line in lines)
     assert "block-jacobi" in lines[-2]
     assert lines[-1].startswith(f"total: {info.bytes_total} bytes")
@@ -370,7 +367,8 @@ from warpdeform.settings import Settings
 from warpdeform.shape import sheet
 from warpdeform.simulation import Simulation
 material = Material(areal_density=0.2, membrane_stiffness=1000.0, poisson_ratio=0.3)
-simulation = Simulation([Body("sheet", sheet((5, 6)), material, pins=(Pin("corner:0,0"),))], settings=Settings(device="cpu"))
+body = Body("sheet", sheet((5, 6)), material, pins=(Pin("corner:0,0"),))
+simulation = Simulation([body], settings=Settings(device="cpu"))
 simulation.advance_frame()
 print("TERMS", *[term.name + ":" + ",".join(term.kernels) for term in simulation.info().bodies[0].terms])
 print("MODULES", *sorted(set(made)))
@@ -390,12 +388,16 @@ print("MODULES", *sorted(set(made)))
 @pytest.mark.parametrize(
     ("bodies", "settings", "messages"),
     [
-        ([], {}, ["body = None: is missing"]),
-        (["a", "a", "b"], {}, ["body.name = a: is used twice"]),
-        (["a"], {"integrator": "leapfrog"}, ["integrator = leapfrog: is not known. Use one of: implicit-euler, bdf2."]),
-        (["a"], {"preconditioner": "ilu"}, ["preconditioner = ilu", "auto, none, jacobi, block-jacobi"]),
-        (["a"], {"device": "cuda:99"}, ["device = cuda:99", "Use auto or one of: cpu"]),
-        ([], {"integrator": "x", "preconditioner": "y"}, ["body", "integrator = x", "preconditioner = y"]),
+        ([], {}, ["body: is missing"]),
+        (["a", "a", "b"], {}, ['body.name = "a": is used twice']),
+        (
+            ["a"],
+            {"integrator": "leapfrog"},
+            ['integrator = "leapfrog": is not known. Use one of: implicit-euler, bdf2.'],
+        ),
+        (["a"], {"preconditioner": "ilu"}, ['preconditioner = "ilu"', "auto, none, jacobi, block-jacobi"]),
+        (["a"], {"device": "cuda:99"}, ['device = "cuda:99"', "Use auto or one of: cpu"]),
+        ([], {"integrator": "x", "preconditioner": "y"}, ["body", 'integrator = "x"', 'preconditioner = "y"']),
     ],
     ids=["no body", "one name twice", "integrator", "preconditioner", "device", "all at once"],
 )

@@ -167,7 +167,7 @@ class Simulation:
     def _compile(self) -> None:
         """Load every kernel of a step by running one, capture it, and put everything back."""
         self._solver.prepare(self.integrator.stage(self.dt, None), self.dt, self.dt)
-        self._solver.record()
+        self._solver.rehearse()
         if self._captured:
             with wp.ScopedCapture(device=self.device) as capture:
                 self._solver.record()

@@ -62,6 +62,7 @@ class NewtonSolver:
             self.operator, self.preconditioner, self.sums, settings.cg_tolerance, settings.cg_iterations
         )
         self._scalars: wp.array = wp.zeros(entries.STEP_SCALARS, dtype=wp.float64, device=device)
+        self._flushed: wp.array = wp.zeros(1, dtype=wp.int32, device=device)
         self._impact: wp.array = wp.zeros(1, dtype=wp.int32, device=device)
         self._state: wp.array = wp.zeros(entries.STEP_STATE, dtype=wp.int32, device=device)
         self._newton_active = self._state[entries.NEWTON_ACTIVE : entries.NEWTON_ACTIVE + 1]
@@ -90,12 +91,23 @@ class NewtonSolver:
 
     def record(self) -> None:
         """Launch one step; nothing in it asks the host."""
+        self._decide("enter_step", self._flushed)
         self._decide("begin_step", self._scalars, self._state)
         self._iteration.zero_()
         self._impact.zero_()
         self._start()
         wp.capture_while(self._newton_active, self._iterate)
         self._finish()
+        self._decide("leave_step", self._flushed)
+
+    def rehearse(self) -> None:
+        """Launch a step of one Newton and one conjugate gradient iteration: loads every kernel, whatever the settings."""
+        limits, cap = self._limits.numpy().copy(), self.linear_solver.cap.numpy().copy()
+        self._limits.assign([1, 0])
+        self.linear_solver.cap.assign([1])
+        self.record()
+        self._limits.assign(limits)
+        self.linear_solver.cap.assign(cap)
 
     def report(self) -> StepRecord:
         """What the last step reported (host; the one read of device memory between steps)."""
