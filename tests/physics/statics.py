@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warpdeform.body import Body
 from warpdeform.settings import Settings
@@ -55,6 +55,17 @@ def elastic_forces(handle: BodyHandle) -> Array:
     return -handle.model.download(gradient)
 
 
-def orders(errors: Sequence[float]) -> list[float]:
-    """Orders of convergence of errors at resolutions that double."""
-    return [float(np.log2(abs(a / b))) for a, b in zip(errors, errors[1:], strict=False)]
+def orders(errors: ArrayLike) -> Array:
+    """Orders of convergence of errors at resolutions that double along the first axis."""
+    sizes = np.abs(np.asarray(errors, dtype=np.float64))
+    return np.asarray(np.log2(sizes[:-1] / sizes[1:]))
+
+
+def percent(errors: ArrayLike, digits: int = 3) -> str:
+    """Relative errors as people read them."""
+    return ", ".join(f"{error:+.{digits}%}" for error in np.ravel(errors))
+
+
+def listed(numbers: ArrayLike) -> str:
+    """Numbers with two decimals."""
+    return ", ".join(f"{number:.2f}" for number in np.ravel(numbers))

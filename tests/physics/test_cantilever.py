@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from physics.statics import GRAVITY, Array, equilibrium, orders
+from physics.statics import GRAVITY, Array, equilibrium, listed, orders, percent
 
 from warpdeform.body import Body, Pin
 from warpdeform.material import Material
@@ -76,8 +76,7 @@ def test_cantilever_converges_with_second_order() -> None:
         width, height = tip(hang(count, shell(gamma)), count)
         ratios.append(height / width)
     errors = [ratio / exact - 1 for ratio in ratios]
-    print(f"\ncantilever Gamma {gamma:g}, cells {cells}: errors {', '.join(f'{e:+.2%}' for e in errors)}", end="")
-    print(f"; orders {', '.join(f'{p:.2f}' for p in orders(errors))}", end="")
+    print(f"\ncantilever Gamma {gamma:g}, cells {cells}: errors {percent(errors)}; orders {listed(orders(errors))}", end="")
     assert orders(errors)[0] > 1.6
     assert orders(errors)[1] > 1.9
 

@@ -9,6 +9,7 @@ import typer
 from warpdeform.cli.bench import bench
 from warpdeform.cli.check import check
 from warpdeform.cli.info import info
+from warpdeform.cli.picture import picture
 from warpdeform.cli.run import run
 from warpdeform.cli.scenes import scenes
 
@@ -38,7 +39,7 @@ def _main(
     """Elastically deformable surfaces: scene files to USD frames, on the CPU or the GPU."""
 
 
-for command in (run, check, info, scenes):
+for command in (run, check, info, scenes, picture):
     app.command()(command)
 app.add_typer(bench, name="bench")
 

@@ -21,6 +21,7 @@ Fps = Annotated[float | None, typer.Option("--fps", help="Frames per second; the
 Device = Annotated[str | None, typer.Option("--device", help="auto, cpu, cuda:0, ...")]
 Integrator = Annotated[str | None, typer.Option("--integrator", help="bdf2, implicit-euler, ...")]
 Precision = Annotated[str | None, typer.Option("--precision", help="float32 or float64.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from warpdeform.cli.ending import FAILED, INTERRUPTED, complain, ending_well, print_json, stdout_for_json
-from warpdeform.cli.options import Device, Fps, Frames, Integrator, Json, Precision, Scene, Set, asked_scene
+from warpdeform.cli.options import Device, Fps, Frames, Integrator, Json, Precision, Quiet, Scene, Set, asked_scene
 from warpdeform.cli.progress import progress_bar, summary
 from warpdeform.cli.stopping import Stop, stopping
 
@@ -28,7 +28,7 @@ def run(
     precision: Precision = None,
     sets: Set = None,
     as_json: Json = False,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")] = False,
+    quiet: Quiet = False,
     headless: Annotated[bool, typer.Option("--headless", help="Open no window. None is opened anyway.")] = False,
 ) -> None:
     """Simulate a scene and write its frames.
