@@ -32,9 +32,12 @@ def master_curve() -> dict[float, dict[str, float]]:
 
 
 def shell(gamma: float) -> Material:
-    density = WEIGHT / GRAVITY
-    stiffness = {"membrane_stiffness": STIFFNESS, "bending_stiffness": WEIGHT / gamma}
-    return Material(areal_density=density, poisson_ratio=0.0, **stiffness)
+    return Material(
+        areal_density=WEIGHT / GRAVITY,
+        membrane_stiffness=STIFFNESS,
+        poisson_ratio=0.0,
+        bending_stiffness=WEIGHT / gamma,
+    )
 
 
 def paper(gamma: float) -> Material:
@@ -76,7 +79,8 @@ def test_cantilever_converges_with_second_order() -> None:
         width, height = tip(hang(count, shell(gamma)), count)
         ratios.append(height / width)
     errors = [ratio / exact - 1 for ratio in ratios]
-    print(f"\ncantilever Gamma {gamma:g}, cells {cells}: errors {percent(errors)}; orders {listed(orders(errors))}", end="")
+    print(f"\ncantilever Gamma {gamma:g}, cells {cells}: errors", end=" ")
+    print(f"{percent(errors)}; orders {listed(orders(errors))}", end="")
     assert orders(errors)[0] > 1.6
     assert orders(errors)[1] > 1.9
 

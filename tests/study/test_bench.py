@@ -76,7 +76,7 @@ def test_kernels_compare_lane_widths_and_the_yardstick() -> None:
     assert [t.name for t in times.targets] == ["membrane flux, 64 x 64", "membrane product, 64 x 64"]
     text = "\n".join(times.lines())
     assert "| membrane flux " in text
-    assert "times the yardstick (limit 1.3)" in text
+    assert "times the yardstick, median (limit 1.3)" in text
 
 
 def test_kernels_as_json(monkeypatch: pytest.MonkeyPatch) -> None:

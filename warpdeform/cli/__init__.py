@@ -8,6 +8,7 @@ import typer
 
 from warpdeform.cli.bench import bench
 from warpdeform.cli.check import check
+from warpdeform.cli.ending import INTERRUPTED
 from warpdeform.cli.info import info
 from warpdeform.cli.picture import picture
 from warpdeform.cli.run import run
@@ -46,4 +47,7 @@ app.add_typer(bench, name="bench")
 
 def main() -> None:
     """Entry point of the command `warpdeform`."""
-    app()
+    try:
+        app()
+    except KeyboardInterrupt:  # before a command took the signal over
+        raise SystemExit(INTERRUPTED) from None

@@ -16,7 +16,7 @@ Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override a key, e.g. body.0.nodes=[33,33]; may be repeated."),
 ]
-Frames = Annotated[int | None, typer.Option("--frames", min=1, help="Write exactly this many samples.")]
+Frames = Annotated[int | None, typer.Option("--frames", help="Write exactly this many samples.")]
 Fps = Annotated[float | None, typer.Option("--fps", help="Frames per second; the time step follows.")]
 Device = Annotated[str | None, typer.Option("--device", help="auto, cpu, cuda:0, ...")]
 Integrator = Annotated[str | None, typer.Option("--integrator", help="bdf2, implicit-euler, ...")]

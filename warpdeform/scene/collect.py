@@ -34,9 +34,13 @@ class Collector:
         return list(self.checked.mistakes.values())
 
     def refuse(self, path: Path, value: object, problem: str, remedy: str) -> None:
-        """Note a mistake at a path of the spec, unless something there was refused before."""
+        """Note a mistake at a path of the spec, unless it follows from one before.
+
+        That is so where the value was refused, and where a key is missing in a table that lost some.
+        """
         original = self.checked.original(path)
-        if not self.checked.refused(original):
+        missing = problem.startswith("is missing")
+        if not (self.checked.touched(original[:-1]) if missing else self.checked.refused(original)):
             mistake = Mistake(dotted(original), value, problem, remedy, self.label(original))
             self.checked.mistakes[original] = mistake
 

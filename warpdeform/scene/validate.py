@@ -80,7 +80,16 @@ def _by_path(error: ValidationError, raw: Any) -> dict[Path, ErrorDetails]:
     found: dict[Path, ErrorDetails] = {}
     for details in error.errors(include_url=False):
         found.setdefault(_path(details, raw), details)
-    return {path: found[path] for path in found if not any(path[:n] in found for n in range(len(path)))}
+    topmost = {path: found[path] for path in found if not any(path[:n] in found for n in range(len(path)))}
+    return {path: details for path, details in topmost.items() if not _misspelt(path, topmost)}
+
+
+def _misspelt(path: Path, found: Mapping[Path, ErrorDetails]) -> bool:
+    """Whether the key at `path` is only missing because it is misspelt, which is reported for itself."""
+    if found[path]["type"] != "missing":
+        return False
+    unknown = [other for other in found if other[:-1] == path[:-1] and found[other]["type"] == "extra_forbidden"]
+    return any(closest(str(other[-1]), [str(path[-1])]) for other in unknown)
 
 
 def _last_first(path: Path) -> tuple[tuple[int, str | int], ...]:

@@ -1,0 +1,5 @@
+"""`python -m warpdeform` is the command `warpdeform`."""
+
+from warpdeform.cli import main
+
+main()
