@@ -109,9 +109,13 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
                     if load > zero:
                         n = pose.rotation * n
                         u = slip(o, pose, lagged_out, i, j, z, load3(start, 0, i, j))
-                        stiffness = load / wp.max(stick, wp.length(u))
+                        slid = wp.length(u)
+                        stiffness = load / wp.max(stick, slid)
                         g += stiffness * (pose.rotation * u)
                         b += stiffness * (isotropic(one) - outer(n, n))
+                        if slid > stick:  # more slip in its own direction meets no more friction
+                            along = pose.rotation * (u / slid)
+                            b -= stiffness * outer(along, along)
         store3(gradient_out, 0, i, j, g)
         store6(block_out, 0, i, j, b)
 
