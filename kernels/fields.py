@@ -113,9 +113,10 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
                         stiffness = load / wp.max(stick, slid)
                         g += stiffness * (pose.rotation * u)
                         b += stiffness * (isotropic(one) - outer(n, n))
-                        if slid > stick:  # more slip in its own direction meets no more friction
+                        if slid > stick:
+                            # Slipping on meets no more friction; a hundredth is left, so that the block stays positive.
                             along = pose.rotation * (u / slid)
-                            b -= stiffness * outer(along, along)
+                            b -= real(0.99) * stiffness * outer(along, along)
         store3(gradient_out, 0, i, j, g)
         store6(block_out, 0, i, j, b)
 

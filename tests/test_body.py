@@ -54,7 +54,8 @@ def test_selectors(selector: Any, expected: list[list[int]]) -> None:
         ([[1]], "is not a list of index pairs"),
         ([["a", "b"]], "is not a list of index pairs"),
         ([[0, 1, 2]], "is not a list of index pairs"),
-        ([[0.5, 1.0]], "is not a list of index pairs"),
+        ([[0.5, 1]], "is not a list of index pairs"),
+        ([[1, 0.5]], "is not a list of index pairs"),
         (7, "is not a list of index pairs"),
     ],
 )

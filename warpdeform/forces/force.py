@@ -42,7 +42,7 @@ class Force:
     elastic: ClassVar[bool] = False
     """True for terms whose Hessian couples nodes; False for node-wise terms, whose Hessian is one block per node."""
     energy_kind: ClassVar[str] = "field"
-    """Where reports book the energy: "elastic", "gravity", "field", or "" for one that is not stored (friction, wind)."""
+    """Where reports book the energy: "elastic", "gravity", "field"; "" where none is stored (friction, wind)."""
 
     @property
     def kernels(self) -> tuple[str, ...]:
@@ -90,7 +90,7 @@ class Force:
         """Clip the displacement `direction` from `position` so that no node crosses an obstacle."""
 
     def foresee(self, body: BodyArrays, predicted: wp.array, impact: wp.array) -> None:
-        """Set `impact` (int32, shape (1,)) if the way from `body.x` to `predicted` ends in an impact (obstacles only)."""
+        """Set `impact` (int32, shape (1,)) if the way from `body.x` to `predicted` ends in an impact (obstacles)."""
 
     def finish(self, body: BodyArrays) -> None:
         """The step is accepted: store what the next one starts from (friction anchors)."""

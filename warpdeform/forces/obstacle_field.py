@@ -21,10 +21,10 @@ _meshes: "weakref.WeakKeyDictionary[Obstacle, dict[str, wp.Mesh]]" = weakref.Wea
 class ObstacleField(Force):
     """The obstacles of a scene acting on one body, all of them in each launch.
 
-    The field is the force; the guard forbids crossing. It lets no node that is outside come nearer than 0.15 gaps, and a
-    node that is inside a solid move by half of eps against it at a time; the slack of half the inradius of design 5.1 let
-    nodes through by 0.7 gaps where Newton was capped. Thin obstacles (a plate thinner than two gaps, the cone with its
-    tip, meshes) give no way at all.
+    The field is the force; the guard forbids crossing. It lets no node that is outside come nearer than 0.15 gaps, and
+    a node that is inside a solid move by half of eps against it at a time; the slack of half the inradius of design 5.1
+    let nodes through by 0.7 gaps where Newton was capped. Thin obstacles (a plate thinner than two gaps, the cone with
+    its tip, meshes) give no way at all.
 
     `linearise` keeps gradient and blocks; `finish` expects the accepted position in `body.x`. In `prepare`, dt is the
     time from the start of the step to the end of the stage.

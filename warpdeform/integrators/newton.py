@@ -101,7 +101,7 @@ class NewtonSolver:
         self._decide("leave_step", self._flushed)
 
     def rehearse(self) -> None:
-        """Launch a step of one Newton and one conjugate gradient iteration: loads every kernel, whatever the settings."""
+        """Launch a step of one Newton and one conjugate gradient iteration: every kernel, whatever the settings."""
         limits, cap = self._limits.numpy().copy(), self.linear_solver.cap.numpy().copy()
         self._limits.assign([1, 0])
         self.linear_solver.cap.assign([1])

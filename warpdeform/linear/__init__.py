@@ -1,4 +1,4 @@
-"""The linear system of a Newton iteration (floor 2 of the house): operator, sums, conjugate gradient, preconditioners."""
+"""The linear system of a Newton iteration (floor 2): operator, sums, conjugate gradient, preconditioners."""
 
 from warpdeform.linear.conjugate_gradient import ConjugateGradient
 from warpdeform.linear.operator import LinearOperator

@@ -14,7 +14,7 @@ class ConjugateGradient:
     """Solves A direction = -gradient for all bodies at once.
 
     Departs from the textbook in three points: it stops on sqrt(r.z), which is at hand and follows the energy error more
-    closely than |r| (design 7.1); all vectors are masked, so that pinned nodes are not part of the system; and p.Ap <= 0
+    closely than |r| (design 7.1); all vectors are masked, so that pinned nodes are not part of the system; p.Ap <= 0
     ends the solve with what it has and is reported, instead of being assumed away.
 
     Attributes:

@@ -1,7 +1,7 @@
 """`bench kernels`: time per node of every pass, at the CPU's lane width and at width 1, beside the yardstick."""
 
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -82,8 +82,8 @@ def bench_kernels(
 ) -> KernelTimes:
     """Time the passes.
 
-    Each pass is recorded as a graph, as a step is, and all are timed in turn, round after round, so that a busy
-    moment hits all of them alike.
+    Each pass is recorded as a graph, as a step is, and all passes of all sizes are timed in turn, round after round, so
+    that a busy spell hits all of them alike.
 
     Args:
         sizes: Nodes along each side of the sheets.
@@ -100,76 +100,65 @@ def bench_kernels(
     found = find_device(device)
     widths = (1,) if found.is_cuda else (LANE_WIDTHS[precision], 1)
     machine, chosen = describe(), PASSES if passes is None else passes
-    times: list[PassTime] = []
     with one_core(None if found.is_cuda else core):
+        samples = []
         for nodes in sizes:
             said(f"{nodes} x {nodes}: preparing")
-            samples = {width: _record(Sheet(nodes, precision, width, found), chosen, found) for width in widths}
-            said(f"{nodes} x {nodes}: timing")
-            times += _summary(nodes, _rounds(samples, nodes, repeats, found))
-    return KernelTimes(machine, str(found), precision, repeats, tuple(times), _targets(times, widths[0], precision))
+            sheets = [Sheet(nodes, precision, width, found) for width in widths]
+            samples += [_Sample(each, sheet, found) for sheet in sheets for each in chosen]
+        for k in range(repeats):
+            said(f"round {k + 1} of {repeats}")
+            for sample in samples:
+                sample.time()
+    times = tuple(_summary(samples, widths[0]))
+    return KernelTimes(machine, str(found), precision, repeats, times, _targets(times, widths[0], precision))
 
 
-@dataclass(frozen=True)
-class _Recorded:
-    """A pass recorded several times over; the graph does not keep the arrays of the sheet alive, so this does."""
+class _Sample:
+    """A pass on a sheet, recorded as a graph; it keeps the sheet's arrays alive, which the graph does not.
 
-    graph: Any
-    copies: int
-    sheet: Sheet
+    Attributes:
+        key: Nodes along each side, lane width, name of the pass.
+        seconds: Times per node of the rounds so far [s].
+    """
 
-
-Graphs = dict[str, _Recorded]
-Seconds = dict[int, dict[str, list[float]]]
-"""For each lane width and pass, one time per node for each round."""
-
-
-def _record(sheet: Sheet, passes: Sequence[Pass], device: Any) -> Graphs:
-    graphs: Graphs = {}
-    copies = max(1, NODES_PER_SAMPLE // sheet.state.model.grid.node_count)
-    for each in passes:
+    def __init__(self, each: Pass, sheet: Sheet, device: Any) -> None:
+        count = sheet.state.model.grid.node_count
+        self.key = (sheet.state.layout.nodes[0], sheet.width, each.name)
+        self.seconds: list[float] = []
+        self._sheet, self._device, self._clock = sheet, device, clock_of(device)
+        copies = max(1, NODES_PER_SAMPLE // count)
+        self._node_passes = copies * count
         each.launch(sheet)  # loads the kernels, which a capture may not
         with wp.ScopedCapture(device=device) as capture:
             for _ in range(copies):
                 each.launch(sheet)
-        graphs[each.name] = _Recorded(capture.graph, copies, sheet)
-    return graphs
+        self._graph = capture.graph
+
+    def time(self) -> None:
+        """Take one more time."""
+        wp.capture_launch(self._graph)  # brings the arrays into the cache, as far as they fit
+        wp.synchronize_device(self._device)
+        start = self._clock()
+        wp.capture_launch(self._graph)
+        wp.synchronize_device(self._device)
+        self.seconds.append((self._clock() - start) / self._node_passes)
 
 
-def _rounds(samples: dict[int, Graphs], nodes: int, repeats: int, device: Any) -> Seconds:
-    clock = clock_of(device)
-    seconds: Seconds = {width: {name: [] for name in graphs} for width, graphs in samples.items()}
-    for _ in range(repeats):
-        for width, graphs in samples.items():
-            for name, recorded in graphs.items():
-                wp.capture_launch(recorded.graph)  # brings the arrays into the cache, as far as they fit
-                wp.synchronize_device(device)
-                start = clock()
-                wp.capture_launch(recorded.graph)
-                wp.synchronize_device(device)
-                seconds[width][name].append((clock() - start) / (recorded.copies * nodes * nodes))
-    return seconds
-
-
-def _summary(nodes: int, seconds: Seconds) -> list[PassTime]:
-    widest = next(iter(seconds))
-    result = []
-    for width, by_pass in seconds.items():
-        yard = by_pass[YARDSTICK]
-        for name, values in by_pass.items():
-            result.append(
-                PassTime(
-                    name=name,
-                    nodes=nodes,
-                    width=width,
-                    fastest_ns=1e9 * min(values),
-                    median_ns=1e9 * statistics.median(values),
-                    over_yardstick=statistics.median(v / y for v, y in zip(values, yard, strict=True)),
-                    fastest_over_yardstick=min(values) / min(yard),
-                    over_wide=min(values) / min(seconds[widest][name]),
-                )
-            )
-    return result
+def _summary(samples: Sequence[_Sample], widest: int) -> Iterator[PassTime]:
+    seconds = {sample.key: sample.seconds for sample in samples}
+    for (nodes, width, name), values in seconds.items():
+        yard = seconds[nodes, width, YARDSTICK]
+        yield PassTime(
+            name=name,
+            nodes=nodes,
+            width=width,
+            fastest_ns=1e9 * min(values),
+            median_ns=1e9 * statistics.median(values),
+            over_yardstick=statistics.median(v / y for v, y in zip(values, yard, strict=True)),
+            fastest_over_yardstick=min(values) / min(yard),
+            over_wide=min(values) / min(seconds[nodes, widest, name]),
+        )
 
 
 def _targets(times: Sequence[PassTime], width: int, precision: str) -> tuple[Target, ...]:
