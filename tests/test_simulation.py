@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from surfaces import MATERIALS, noise, stretched
 
 from warpdeform.body import Pin, rotate
 from warpdeform.errors import InputError, SimulationFailure
-from warpdeform.forces.wind_load import WindLoad
 from warpdeform.integrators import INTEGRATORS
 from warpdeform.result import Outcome
 from warpdeform.settings import Settings
@@ -127,11 +125,11 @@ def test_nothing_to_do_changes_nothing(settings: Settings) -> None:
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 def test_lane_widths_agree_to_round_off(precision: str) -> None:
     # How far sums of another order lead apart is a matter of the tolerance of the linear solves.
-    widths, tolerance, cg = ((1, 8), 1e-9, 1e-11) if precision == "float64" else ((1, 16), 1e-3, 1e-5)
-    settings: dict[str, Any] = {"precision": precision, "newton_iterations": 3, "cg_tolerance": cg}
-    narrow, wide = (run(busy(lane_width=width, **settings), 10) for width in widths)
+    widths, tolerance, cg = ((1, 8), 1e-8, 1e-11) if precision == "float64" else ((1, 16), 1e-3, 1e-5)
+    settings: dict[str, Any] = {"newton_iterations": 3, "cg_tolerance": cg, "cg_iterations": 3000}
+    narrow, wide = (run(busy(precision=precision, lane_width=width, **settings), 6) for width in widths)
     moved = np.abs(narrow[0] - sheet((6, 19)).positions).max()
-    assert moved > 0.1
+    assert moved > 0.05
     for a, b in zip(narrow[::2], wide[::2], strict=True):
         np.testing.assert_allclose(a, b, atol=tolerance * moved)
 
@@ -218,15 +216,13 @@ def test_steps_leave_the_processor_as_they_found_it(captured: bool) -> None:
 
 
 def test_every_step_counts_its_iterations_from_nought() -> None:
-    # Gusts are made in a step's first iteration only: a counter that went on would leave the air as it was.
-    simulation = Simulation([hanging()], wind=Wind((3.0, 1.0, 0.0), gust=0.4), settings=REAL_TIME)
-    wind = next(term for term in simulation["sheet"].terms if isinstance(term, WindLoad))
-    streams = []
-    for _ in range(4):
+    # Lagged loads (wind, friction) follow the first iterations of a step and then freeze.
+    simulation, late = busy(), busy()
+    for _ in range(6):
         simulation.step()
-        streams.append(wind.stream.numpy().copy())
-    for earlier, later in pairwise(streams):
-        assert np.abs(later - earlier).max() > 1e-3
+        late.bodies[0].state.iteration.fill_(99)
+        late.step()
+    assert_same_bits(run(late, 0), run(simulation, 0))
 
 
 def test_iterations_to_tolerance_end_converged() -> None:

@@ -29,7 +29,7 @@ from warpdeform.shape import RestShape, from_array, from_map, sheet
 
 Array = np.ndarray[Any, Any]
 
-SMALL = (4, 5)
+SMALL = (3, 4)
 WITH_GRIDS = [(nodes, *case) for nodes in GRIDS for case in (("flat", "isotropic"), ("bump", "orthotropic"))]
 CLOTH = Material(areal_density=0.2, membrane_stiffness=1000.0, poisson_ratio=0.3, bending_stiffness=1e-5)
 
@@ -57,7 +57,7 @@ def test_energy_gradient_hessian_and_blocks_are_those_of_the_design(
     assert largest(surface.gradient(z) - gradient) < 1e-13 * largest(gradient)
     H = dense(surface)
     assert largest(H - hessian) < 1e-13 * largest(hessian)
-    diagonal = np.einsum("ikil->ikl", H.reshape(20, 3, 20, 3)).reshape(*SMALL, 3, 3)
+    diagonal = np.einsum("ikil->ikl", H.reshape(12, 3, 12, 3)).reshape(*SMALL, 3, 3)
     assert largest(surface.blocks() - diagonal) < 1e-13 * largest(diagonal)
     assert np.linalg.eigvalsh(H).min() > -1e-13 * largest(H)
 

@@ -1,10 +1,11 @@
 """The ways that nodes take past an obstacle within a step, seen from the obstacle, for the tests that nothing crosses.
 
-A step moves a node several times: carried out of the way of a moving obstacle, to the predictor, then once per Newton
-iteration. Each is a straight line, and none may touch the obstacle. The line from one accepted position to the next may:
-a node that slides around an edge or over a tip has cut no corner.
+A step moves a node several times: out of the way of a moving obstacle, to the predictor, once per Newton iteration. Each
+time on a straight line, which must not touch the obstacle. The line from one accepted position to the next may: a node
+that slides around an edge or over a tip has crossed nothing.
 """
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -52,7 +53,7 @@ class WatchedNodes:
         start = self._seen(self.handle.positions(), self.simulation.time)
         report = self.simulation.step()
         corners = [start] + [self._seen(way, self.simulation.time) for way in self._ways]
-        for a, b in zip(corners, corners[1:], strict=False):
+        for a, b in itertools.pairwise(corners):
             self.touches += int((closest(self.obstacle, a, b) <= 0.0).sum())
         self.nearest = min(self.nearest, float(self.distances().min()))
         return report
@@ -76,7 +77,7 @@ def distances(obstacle: Obstacle, points: Array) -> Array:
 
 
 def closest(obstacle: Obstacle, start: Array, end: Array) -> Array:
-    """Smallest distance along the segments from `start` to `end`, shape (n, 3): the distance of a convex body is convex."""
+    """Smallest distance along segments from `start` to `end`, shape (n, 3); convex bodies have convex distances."""
     at_start, at_end = distances(obstacle, start), distances(obstacle, end)
     least = np.minimum(at_start, at_end)
     doubtful = at_start + at_end < np.linalg.norm(end - start, axis=1)

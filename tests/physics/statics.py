@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from warpdeform.body import Body
+from warpdeform.handle import BodyHandle
 from warpdeform.settings import Settings
-from warpdeform.simulation import BodyHandle, Simulation
+from warpdeform.simulation import Simulation
 
 Array = NDArray[np.float64]
 

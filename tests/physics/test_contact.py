@@ -17,7 +17,7 @@ from warpdeform.simulation import Simulation
 from warpdeform.track import Track, rotation_to
 
 CLOTH = Material(areal_density=0.2, membrane_stiffness=1000.0, poisson_ratio=0.3, bending_stiffness=1e-5)
-PRECISE = {"integrator": "implicit-euler", "newton_iterations": 0, "cg_iterations": 2000}
+PRECISE: dict[str, Any] = {"integrator": "implicit-euler", "newton_iterations": 0, "cg_iterations": 2000}
 UNDER_TEST = {
     "plane": Obstacle("plane"),
     "sphere": Obstacle("sphere", {"radius": 0.3}, track=Track.fixed((0.0, 0.0, -0.3))),
@@ -98,7 +98,7 @@ def test_a_sheet_rests_at_the_gap_and_oscillates_about_it(gap: float, speed: flo
     """
     obstacle = Obstacle("plane", gap=gap, design_speed=speed)
     eps = obstacle.field_constants((0.0, 0.0, -GRAVITY)).range
-    lift = 1e-5 * eps
+    lift = 1e-3 * eps
     body = Body("sheet", sheet((5, 5), (0.1, 0.1)), CLOTH, position=(0.0, 0.0, gap + lift))
     omega = math.sqrt(GRAVITY / eps)
     rate = 10.0 * omega
@@ -135,30 +135,29 @@ def on_an_incline(steepness: float, nodes: int = 9, **settings: Any) -> tuple[Ar
     return np.array(slides), 0.5 * GRAVITY * (math.sin(angle) - mu * math.cos(angle)) * seconds**2
 
 
+def named(method: dict[str, Any]) -> str:
+    return f"{method['integrator']} {method['newton_iterations'] or 'converged'}"
+
+
 METHODS = [{"integrator": name, "newton_iterations": count} for name in ("bdf2", "implicit-euler") for count in (1, 0)]
-NAMES = [f"{method['integrator']}-{method['newton_iterations'] or 'converged'}" for method in METHODS]
 
 
-@pytest.mark.parametrize("method", METHODS, ids=NAMES)
+@pytest.mark.parametrize("method", METHODS, ids=named)
 def test_an_incline_below_the_friction_angle_holds(method: dict[str, Any]) -> None:
     slides, _ = on_an_incline(0.95, **method)
     creep = float(np.abs(slides[-1] - slides[len(slides) // 2]))
-    print(
-        f"\nincline 0.95, {method}: {1e3 * slides[-1]:.3f} mm in 10 s, {1e3 * creep:.1e} mm of them in the last 5",
-        end="",
-    )
+    print(f"\nincline 0.95, {named(method)}: {1e3 * slides[-1]:.3f} mm in 10 s", end="")
+    print(f", {1e3 * creep:.1e} mm of them in the last 5", end="")
     assert np.abs(slides).max() < 0.5e-3
     assert creep < 1e-6
 
 
-@pytest.mark.parametrize("method", METHODS, ids=NAMES)
+@pytest.mark.parametrize("method", METHODS, ids=named)
 def test_an_incline_above_the_friction_angle_slides_as_it_must(method: dict[str, Any]) -> None:
     slides, exact = on_an_incline(1.05, **method)
-    print(
-        f"\nincline 1.05, {method}: {slides[-1]:.3f} m in 10 s, exact {exact:.3f}: {slides[-1] / exact - 1:+.2%}",
-        end="",
-    )
-    assert abs(slides[-1] / exact - 1) < 0.03
+    error = slides[-1] / exact - 1
+    print(f"\nincline 1.05, {named(method)}: {slides[-1]:.3f} m in 10 s, exact {exact:.3f}: {error:+.2%}", end="")
+    assert abs(error) < 0.03
 
 
 def on_a_sphere(friction: float, nodes: int, seconds: float) -> tuple[Simulation, Obstacle]:
@@ -180,7 +179,7 @@ def test_a_sheet_stays_on_a_rough_sphere(nodes: int) -> None:
     drift = np.linalg.norm(simulation["sheet"].positions() - settled, axis=-1)
     print(f"\nsphere, mu 0.5, {nodes} x {nodes}: drift {1e3 * drift.max():.1e} mm/s from 3 s to 4 s", end="")
     assert drift.max() < 1e-3
-    assert np.linalg.norm(settled - [0.0, 0.0, -0.3], axis=-1).min() > obstacle.sizes["radius"]  # type: ignore[operator]
+    assert np.linalg.norm(settled - [0.0, 0.0, -0.3], axis=-1).min() > obstacle.sizes["radius"]
 
 
 def test_a_sheet_slides_off_a_smooth_sphere() -> None:
@@ -191,12 +190,13 @@ def test_a_sheet_slides_off_a_smooth_sphere() -> None:
 @pytest.mark.parametrize("speed", [2.0, 10.0, 20.0])
 @pytest.mark.parametrize("kind", ["sphere", "plate"])
 def test_a_moving_obstacle_pushes_a_sheet_without_crossing(kind: str, speed: float) -> None:
-    """Driven half a metre into a weightless sheet, a third of a metre a step at 20 m/s."""
-    size = {"sphere": ("sphere", {"radius": 0.1}, 0.1), "plate": ("box", {"size": (0.6, 0.6, 0.002)}, 0.001)}[kind]
-    start, end = (0.013, 0.007, -size[2] - 0.05), (0.013, 0.007, -size[2] - 0.05 + 0.55)
+    """Driven half a metre through a weightless sheet, at 20 m/s a third of a metre a step."""
+    sizes: dict[str, Any] = {"radius": 0.1} if kind == "sphere" else {"size": (0.6, 0.6, 0.002)}
+    top = 0.1 if kind == "sphere" else 0.001
+    start, end = (0.013, 0.007, -top - 0.05), (0.013, 0.007, -top + 0.5)
     steps = max(round(60 * 0.55 / speed), 1) + 6
     track = Track.line(start, end, 1 / 60, 1 / 60 + 0.55 / speed)
-    obstacle = Obstacle(size[0], size[1], track=track)
+    obstacle = Obstacle("sphere" if kind == "sphere" else "box", sizes, track=track)
     body = Body("sheet", sheet((25, 25), (0.5, 0.5)), CLOTH, position=(-0.25, -0.25, 0.0))
     watched = WatchedNodes(on(obstacle, body, captured=False, gravity=(0.0, 0.0, 0.0)), obstacle)
     for _ in range(steps):

@@ -6,6 +6,7 @@ makes of an oscillator.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,10 +14,11 @@ import scipy.linalg
 from physics.statics import Array, listed, orders, percent
 
 from warpdeform.body import Body, Pin
+from warpdeform.handle import BodyHandle
 from warpdeform.material import Material
 from warpdeform.settings import Settings
 from warpdeform.shape import sheet
-from warpdeform.simulation import BodyHandle, Simulation
+from warpdeform.simulation import Simulation
 
 DENSITY, STIFFNESS = 0.3, 40.0
 """Mass per area [kg/m2] and E h [N/m] of strings and drums."""
@@ -126,7 +128,7 @@ def test_plucked_string_follows_the_integrator_exactly(integrator: str) -> None:
     Backward Euler: amplitude (1 + omega^2 dt^2)^(-1/2) a step, frequency atan(omega dt)/dt (design 1.6).
     """
     amplitude, nodes, fps = 1e-6, 13, 60.0
-    precise = {"fps": fps, "newton_iterations": 0, "newton_tolerance": 1e-12, "cg_tolerance": 1e-8}
+    precise: dict[str, Any] = {"fps": fps, "newton_iterations": 0, "newton_tolerance": 1e-12, "cg_tolerance": 1e-8}
     simulation = string(nodes, amplitude=amplitude, integrator=integrator, **precise)
     turn = 1j * string_frequency(1, 1.0 / (nodes - 1), STRETCH**2 - 1) / fps
     u = [1.0 + 0.0j]
