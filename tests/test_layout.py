@@ -171,7 +171,6 @@ def test_nothing_names_a_path_of_one_machine() -> None:
             assert not machine.search(content), f"{name} names a path of one machine"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("through", ["checkout", "sdist"])
 def test_wheel_holds_one_package_with_kernels_and_scenes(tmp_path: Path, through: str) -> None:
     if find_spec("build") is None:

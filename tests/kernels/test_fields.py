@@ -151,7 +151,6 @@ def test_the_potential_is_continued_twice_differentiably() -> None:
         np.testing.assert_allclose(values[3:6], values[4], rtol=1e-8)  # continuous across the surface
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("real", REALS)
 def test_every_kernel_compiles_for_cuda(real: Any, tmp_path: Path) -> None:
     for kernel in (fields(real, True, True).linearise_fields, guards(real, True).carry_nodes):

@@ -220,6 +220,7 @@ def test_search_begins_at_full_length_and_books_the_linear_solve() -> None:
         (1, 1, 0, {"UPDATE": 1.0}, Outcome.FIXED),
         (1, 3, 0, {"UPDATE": 0.0, "SLOPE": 0.0}, None),
         (5, 100, 1, {"UPDATE": 1.0}, None),
+        (5, 100, 1, {"UPDATE": 1.1e-4}, None),
         (5, 100, 1, {"UPDATE": 0.9e-4}, Outcome.CONVERGED),
         (5, 100, 1, {"UPDATE": 1.6e-4, "LENGTH": 0.5}, Outcome.CONVERGED),
         (5, 100, 1, {"UPDATE": 1.0, "SLOPE": -1e-16}, Outcome.ROUND_OFF),

@@ -1,8 +1,8 @@
 """The ways that nodes take past an obstacle within a step, seen from the obstacle, for the tests that nothing crosses.
 
-A step moves a node several times: out of the way of a moving obstacle, to the predictor, once per Newton iteration. Each
-time on a straight line, which must not touch the obstacle. The line from one accepted position to the next may: a node
-that slides around an edge or over a tip has crossed nothing.
+A step moves a node several times: out of the way of a moving obstacle, to the predictor, once per Newton iteration.
+Each time on a straight line, which must not touch the obstacle. The line from one accepted position to the next may:
+a node that slides around an edge or over a tip has crossed nothing.
 """
 
 import itertools

@@ -70,7 +70,7 @@ def test_the_acceptance_drop_does_not_cross(kind: str, rate: int) -> None:
 @pytest.mark.parametrize("rate", [60, 240])
 @pytest.mark.parametrize("kind", UNDER_TEST)
 def test_the_acceptance_drop_does_not_cross_when_newton_converges(kind: str, rate: int) -> None:
-    drop(kind, 65, rate, 0.2, **PRECISE)
+    drop(kind, 65, rate, 0.1, **PRECISE)
 
 
 @pytest.mark.parametrize("integrator", ["bdf2", "implicit-euler"])
@@ -111,7 +111,7 @@ def test_a_sheet_rests_at_the_gap_and_oscillates_about_it(gap: float, speed: flo
         exact = ((1.0 + 1j * omega / rate) ** -step).real
         worst = max(worst, float(np.abs((simulation["sheet"].positions()[..., 2] - gap) / lift - exact).max()))
     print(f"\noscillation on the field, gap {gap:g} m, V {speed:g} m/s: error over amplitude {worst:.1e}", end="")
-    assert worst < 0.01
+    assert worst < 2e-3
 
 
 def on_an_incline(steepness: float, nodes: int = 9, **settings: Any) -> tuple[Array, float]:
@@ -172,12 +172,12 @@ def on_a_sphere(friction: float, nodes: int, seconds: float) -> tuple[Simulation
 
 @pytest.mark.parametrize("nodes", [17, pytest.param(65, marks=pytest.mark.slow)])
 def test_a_sheet_stays_on_a_rough_sphere(nodes: int) -> None:
-    simulation, obstacle = on_a_sphere(0.5, nodes, 3.0)
+    simulation, obstacle = on_a_sphere(0.5, nodes, 4.0)
     settled = simulation["sheet"].positions().astype(np.float64)
     for _ in range(60):
         simulation.step()
     drift = np.linalg.norm(simulation["sheet"].positions() - settled, axis=-1)
-    print(f"\nsphere, mu 0.5, {nodes} x {nodes}: drift {1e3 * drift.max():.1e} mm/s from 3 s to 4 s", end="")
+    print(f"\nsphere, mu 0.5, {nodes} x {nodes}: drift {1e3 * drift.max():.1e} mm/s from 4 s to 5 s", end="")
     assert drift.max() < 1e-3
     assert np.linalg.norm(settled - [0.0, 0.0, -0.3], axis=-1).min() > obstacle.sizes["radius"]
 

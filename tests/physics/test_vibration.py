@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 from physics.statics import Array, listed, orders, percent
+from scipy.sparse import csc_array, diags_array
+from scipy.sparse.linalg import eigsh
 
 from warpdeform.body import Body, Pin
 from warpdeform.handle import BodyHandle
@@ -48,8 +50,8 @@ def stiffness_product(handle: BodyHandle) -> Callable[[Array], Array]:
     return product
 
 
-def normal_frequencies(handle: BodyHandle, free: Array) -> Array:
-    """Frequencies [1/s] of motions along z of the nodes where `free` is true, lowest first.
+def normal_frequencies(handle: BodyHandle, free: Array, count: int) -> Array:
+    """The lowest frequencies [1/s] of motions along z of the nodes where `free` is true.
 
     A row of K reaches two nodes far, so that 25 products with every fifth node lifted along both axes give all of them.
     """
@@ -67,8 +69,9 @@ def normal_frequencies(handle: BodyHandle, free: Array) -> Array:
                 K[near, node] = force[near]
     K = K[np.ix_(free.ravel(), free.ravel())]
     np.testing.assert_allclose(K, K.T, atol=1e-10 * np.abs(K).max())
-    squares = scipy.linalg.eigh(K, np.diag(handle.model.node_mass[free]), eigvals_only=True)
-    return np.sqrt(np.maximum(squares, 0.0))
+    mass = diags_array(handle.model.node_mass[free])
+    squares = eigsh(csc_array(K), count, mass.tocsc(), sigma=-1.0, return_eigenvectors=False)
+    return np.sqrt(np.maximum(np.sort(squares), 0.0))
 
 
 def string(nodes: int = 13, *, amplitude: float = 0.0, mode: int = 1, **settings: object) -> Simulation:
@@ -112,12 +115,13 @@ def test_prestretched_square_drum_is_exact_on_the_grid() -> None:
     handle = build(Body("drum", shape, material, initial_positions=start, pins=pins))["drum"]
     inside = np.zeros((nodes, nodes), dtype=bool)
     inside[1:-1, 1:-1] = True
-    found = normal_frequencies(handle, inside)
+    count = 20
+    found = normal_frequencies(handle, inside, count)
     waves = (2.0 * (nodes - 1) * np.sin(0.5 * np.pi * np.arange(1, nodes - 1) / (nodes - 1))) ** 2
     speed_squared = STIFFNESS * (STRETCH**2 - 1) / (2.0 * (1.0 - nu) * DENSITY)
-    exact = np.sort(np.sqrt(speed_squared * np.add.outer(waves, waves)), axis=None)
+    exact = np.sort(np.sqrt(speed_squared * np.add.outer(waves, waves)), axis=None)[:count]
     error = float(np.abs(found / exact - 1).max())
-    print(f"\nsquare drum, all {len(exact)} modes: error of omega {error:.1e}", end="")
+    print(f"\nsquare drum, lowest {count} modes: error of omega {error:.1e}", end="")
     assert error < 1e-12
 
 
@@ -179,7 +183,7 @@ def plate(cells: int) -> BodyHandle:
 
 def test_free_plate_vibrates_as_kirchhoff_says() -> None:
     cells = (8, 16, 32)
-    found = [normal_frequencies(plate(n), np.ones((n + 1, n + 1), dtype=bool)) for n in cells]
+    found = [normal_frequencies(plate(n), np.ones((n + 1, n + 1), dtype=bool), 8) for n in cells]
     errors = np.array([frequencies[3:7] / FREE_SQUARE - 1 for frequencies in found])
     print(f"\nfree plate, modes 1-4, {cells[-1]} cells: errors {percent(errors[-1])}", end="")
     print(f"; orders from {cells[-2]} cells {listed(orders(errors)[-1])}", end="")
@@ -197,7 +201,7 @@ def test_supported_plate_vibrates_as_navier_says() -> None:
     for count in cells:
         inside = np.zeros((count + 1, count + 1), dtype=bool)
         inside[1:-1, 1:-1] = True
-        errors.append(normal_frequencies(plate(count), inside)[:4] / exact - 1)
+        errors.append(normal_frequencies(plate(count), inside, 4) / exact - 1)
     print(f"\nsupported plate, modes 1-4, {cells[-1]} cells: errors {percent(errors[-1])}", end="")
     print(f"; orders from {cells[0]} cells {listed(orders(errors))}", end="")
     assert orders(errors).min() > 1.9

@@ -12,7 +12,6 @@ def test_every_packaged_scene_has_a_check() -> None:
     assert set(CHECKS) == set(scene_names())
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", sorted(CHECKS))
 def test_scene_ends_as_it_should(name: str) -> None:
     history, last = History(), []

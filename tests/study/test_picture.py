@@ -283,7 +283,6 @@ needs_blender = pytest.mark.skipif(
 
 
 @needs_blender
-@pytest.mark.slow
 def test_blender_draws_a_strip_of_both_frames(result, tmp_path):
     out = tmp_path / "strip.png"
     try:
