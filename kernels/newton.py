@@ -43,6 +43,7 @@ ROUND_OFF = wp.constant(2)
 FIXED = wp.constant(3)
 CAPPED = wp.constant(4)
 NOT_FINITE = wp.constant(5)
+STALLED = wp.constant(6)
 
 # Entries of the float64 control parameters.
 ULP = wp.constant(0)
@@ -51,10 +52,11 @@ CONTROL_REALS = 2
 # Entries of the int32 control parameters.
 NEWTON_CAP = wp.constant(0)
 TO_TOLERANCE = wp.constant(1)
-CONTROL_INTS = 2
+IMPACT = wp.constant(2)
+CONTROL_INTS = 3
 
 ARMIJO = wp.constant(wp.float64(1.0e-4))
-MOST_HALVINGS = wp.constant(12)
+MOST_HALVINGS = wp.constant(20)
 
 
 @functools.cache
@@ -63,7 +65,6 @@ def stage(width: int, real: Any) -> SimpleNamespace:
     words = lanes(width, real)
     load1, load3, store3 = words.load1, words.load3, words.store3
     scale, dot3, splat, sum_lanes = words.scale, words.dot3, words.splat, words.sum_lanes
-    V = words.V
     module = kernel_module("stage", width, real)
 
     @wp.kernel(module=module)
@@ -142,12 +143,6 @@ def stage(width: int, real: Any) -> SimpleNamespace:
         store3(gradient_out, 0, i, j, load3(gradient_out, 0, i, j) + scale(inertia[0] * load1(mass, 0, i, j), d))
 
     @wp.kernel(module=module)
-    def zero3(a_out: wp.array3d(dtype=real)):
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        store3(a_out, 0, i, j, V())
-
-    @wp.kernel(module=module)
     def work_of_loads(
         g: wp.array3d(dtype=real),
         z: wp.array3d(dtype=real),
@@ -202,7 +197,6 @@ def stage(width: int, real: Any) -> SimpleNamespace:
         displace=displace,
         add_inertial_energy=add_inertial_energy,
         inertial_gradient=inertial_gradient,
-        zero3=zero3,
         work_of_loads=work_of_loads,
         work_of_pins=work_of_pins,
         accept=accept,
@@ -256,9 +250,14 @@ def decisions() -> SimpleNamespace:
         state_out[NEWTON_ACTIVE] = 1
 
     @wp.kernel(module=module)
-    def choose_start(scalars_out: wp.array(dtype=wp.float64)):
-        """Length of the displacement to the predictor: all of it, or none if the potential is higher there."""
-        better = scalars_out[PHI] <= scalars_out[PHI_STILL] and wp.isfinite(scalars_out[PHI])
+    def choose_start(limits: wp.array(dtype=wp.int32), scalars_out: wp.array(dtype=wp.float64)):
+        """Length of the displacement to the predictor: all of it, or none if the potential is higher there.
+
+        An impact starts at the predictor all the same: where it stops a part of a sheet the potential is higher, but
+        from the old positions Newton does not see the obstacle, and the search would stop the whole sheet in the air.
+        """
+        better = limits[IMPACT] == 1 or scalars_out[PHI] <= scalars_out[PHI_STILL]
+        better = better and wp.isfinite(scalars_out[PHI])
         scalars_out[LENGTH] = wp.where(better, wp.float64(1.0), wp.float64(0.0))
 
     @wp.kernel(module=module)
@@ -313,7 +312,9 @@ def decisions() -> SimpleNamespace:
         if state_out[NEWTON_ITERATIONS] >= limits[NEWTON_CAP]:
             outcome = wp.where(limits[TO_TOLERANCE] == 1, CAPPED, FIXED)
         if limits[TO_TOLERANCE] == 1:
-            if -scalars_out[SLOPE] <= round_off or scalars_out[LENGTH] == wp.float64(0.0):
+            if scalars_out[LENGTH] == wp.float64(0.0):
+                outcome = STALLED
+            if -scalars_out[SLOPE] <= round_off:
                 outcome = ROUND_OFF
             if update <= control[UPDATE_TOLERANCE] and scalars_out[LENGTH] > wp.float64(0.0):
                 outcome = CONVERGED

@@ -57,7 +57,6 @@ def surface_blocks(width: int, real: Any, orthogonal: bool, bending: bool) -> Si
             (on_d * on_d) * load1(tension, 0, i, j)
             + (on_e * on_e) * load1(tension, 1, i, j)
             + (on_x * on_x) * load1(tension, 2, i, j)
-            + (two * on_d * on_e) * load1(tension, 3, i, j)
         )
         c0 = block_column(K, i, j, gs, gt, gc, gu, gv, gs[0], gt[0], gc[0], gu[0], gv[0])
         c1 = block_column(K, i, j, gs, gt, gc, gu, gv, gs[1], gt[1], gc[1], gu[1], gv[1])

@@ -12,6 +12,7 @@ class Outcome(Enum):
     ROUND_OFF = "Newton ended at round-off: the potential cannot be lowered in this precision."
     FIXED = "Newton made the number of iterations that the settings ask for."
     CAPPED = "Newton reached its cap before the tolerance."
+    STALLED = "Newton stopped: no step along its direction lowers the potential."
     NOT_FINITE = "The step is not finite."
 
 
@@ -21,6 +22,7 @@ OUTCOMES = {
     3: Outcome.FIXED,
     4: Outcome.CAPPED,
     5: Outcome.NOT_FINITE,
+    6: Outcome.STALLED,
 }
 """Outcomes by the codes of :mod:`warpdeform.kernels.newton`."""
 
@@ -36,7 +38,7 @@ class StepRecord:
         cg_breakdowns: Linear solves that met a direction without positive curvature, or a non-finite number.
         cg_capped: Linear solves that reached the cap before the tolerance.
         residual: Largest unbalanced force over node mass [N/kg].
-        work: Work of pins, wind, drag and friction on the bodies [J].
+        work: Work of pins, wind and drag on the bodies [J].
         impact_ahead: A node is about to hit an obstacle: the next step starts afresh, without history.
     """
 
@@ -59,7 +61,8 @@ class Energy:
         elastic: Elastic energy.
         gravity: Potential of gravity, zero at the origin.
         field: Potential of obstacle fields and springs.
-        work_in: Work that pins, wind, drag and friction have done since the start; moving obstacles are not counted.
+        work_in: Work that pins, wind and drag have done since the start; friction, moving obstacles and moving springs
+            are not counted.
     """
 
     kinetic: float = 0.0
@@ -121,7 +124,7 @@ class RunRecord:
         """Book one step."""
         self.newton_iterations += step.newton_iterations
         self.cg_iterations += step.cg_iterations
-        self.newton_unconverged += step.outcome is Outcome.CAPPED
+        self.newton_unconverged += step.outcome in (Outcome.CAPPED, Outcome.STALLED)
         self.cg_breakdowns += step.cg_breakdowns
         self.cg_capped += step.cg_capped
         self.max_residual = max(self.max_residual, step.residual)

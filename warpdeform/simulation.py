@@ -72,6 +72,7 @@ class Simulation:
         )
         self._steps = 0
         self._dt_before: float | None = None
+        self._impact = False
         self._compile()
         self._record.setup_s = clock.perf_counter() - started
 
@@ -110,7 +111,7 @@ class Simulation:
         """
         started = clock.perf_counter()
         end = (self._steps + 1) * self.dt
-        self._solver.prepare(self.integrator.stage(self.dt, self._dt_before), end, self.dt)
+        self._solver.prepare(self.integrator.stage(self.dt, self._dt_before), end, self.dt, self._impact)
         if self._graph is not None:
             wp.capture_launch(self._graph)
         else:
@@ -121,8 +122,9 @@ class Simulation:
         if report.outcome is Outcome.NOT_FINITE or not np.isfinite(report.residual):
             raise self._failure(end)
         self._steps += 1
-        # The step of an impact is backward Euler: BDF2 would extrapolate the speed from before it and bounce off.
-        self._dt_before = None if report.impact_ahead else self.dt
+        # The step of an impact and the one after it are backward Euler: BDF2 would extrapolate the speed from before.
+        self._dt_before = None if report.impact_ahead or self._impact else self.dt
+        self._impact = report.impact_ahead
         return report
 
     def advance_frame(self) -> None:
@@ -134,11 +136,7 @@ class Simulation:
 
     def reset(self) -> None:
         """Back to the initial state, bit for bit."""
-        for handle in self.bodies:
-            handle.state.reset()
-            handle.model.place_targets(0.0)
-            for term in handle.terms:
-                term.reset()
+        self._rewind()
         fresh = RunRecord(
             nodes=self._record.nodes,
             device=self._record.device,
@@ -146,7 +144,7 @@ class Simulation:
             integrator=self._record.integrator,
             setup_s=self._record.setup_s,
         )
-        self._record, self._steps, self._dt_before = fresh, 0, None
+        self._record, self._steps, self._dt_before, self._impact = fresh, 0, None, False
 
     def record(self) -> RunRecord:
         """Statistics up to now, with the energies of the present state."""
@@ -172,6 +170,11 @@ class Simulation:
             with wp.ScopedCapture(device=self.device) as capture:
                 self._solver.record()
             self._graph = capture.graph
+        self._rewind()
+
+    def _rewind(self) -> None:
+        """State, pins and terms as they are at the start."""
+        self._solver.prepare(self.integrator.stage(self.dt, None), 0.0, self.dt)
         for handle in self.bodies:
             handle.state.reset()
             for term in handle.terms:

@@ -164,12 +164,22 @@ def control(ulp: float = 1e-15, update: float = 1e-4) -> wp.array:
 
 
 @pytest.mark.parametrize(
-    ("still", "predicted", "length"),
-    [(2.0, 1.0, 1.0), (1.0, 1.0, 1.0), (1.0, 2.0, 0.0), (1.0, np.nan, 0.0), (1.0, np.inf, 0.0)],
+    ("still", "predicted", "impact", "length"),
+    [
+        (2.0, 1.0, 0, 1.0),
+        (1.0, 1.0, 0, 1.0),
+        (1.0, 2.0, 0, 0.0),
+        (1.0, np.nan, 0, 0.0),
+        (1.0, np.inf, 0, 0.0),
+        (1.0, 2.0, 1, 1.0),
+        (1.0, np.inf, 1, 0.0),
+    ],
 )
-def test_start_is_the_better_of_predictor_and_rest(still: float, predicted: float, length: float) -> None:
+def test_start_is_the_better_of_predictor_and_rest_or_an_impact(
+    still: float, predicted: float, impact: int, length: float
+) -> None:
     decision = Decision(PHI_STILL=still, PHI=predicted)
-    decision.launch("choose_start", decision.scalars)
+    decision.launch("choose_start", wp.array([1, 0, impact], dtype=wp.int32, device="cpu"), decision.scalars)
     assert decision.scalar(entries.LENGTH) == length
 
 
@@ -224,7 +234,8 @@ def test_search_begins_at_full_length_and_books_the_linear_solve() -> None:
         (5, 100, 1, {"UPDATE": 0.9e-4}, Outcome.CONVERGED),
         (5, 100, 1, {"UPDATE": 1.6e-4, "LENGTH": 0.5}, Outcome.CONVERGED),
         (5, 100, 1, {"UPDATE": 1.0, "SLOPE": -1e-16}, Outcome.ROUND_OFF),
-        (5, 100, 1, {"UPDATE": 1e-9, "LENGTH": 0.0}, Outcome.ROUND_OFF),
+        (5, 100, 1, {"UPDATE": 1e-9, "LENGTH": 0.0}, Outcome.STALLED),
+        (5, 100, 1, {"UPDATE": 1e-9, "LENGTH": 0.0, "SLOPE": -1e-16}, Outcome.ROUND_OFF),
         (100, 100, 1, {"UPDATE": 1.0}, Outcome.CAPPED),
         (100, 100, 1, {"UPDATE": 1e-5}, Outcome.CONVERGED),
         (1, 100, 1, {"UPDATE": np.nan}, Outcome.NOT_FINITE),
@@ -244,7 +255,7 @@ def test_newton_ends_for_the_right_reason(
         "PHI_TRIAL_SIZE": 1.0,
     } | scalars
     decision = Decision(state={entries.NEWTON_ITERATIONS: made - 1, entries.NEWTON_ACTIVE: 1}, **given)
-    limits, iteration = (wp.array(values, dtype=wp.int32, device="cpu") for values in ([cap, to_tolerance], [0]))
+    limits, iteration = (wp.array(values, dtype=wp.int32, device="cpu") for values in ([cap, to_tolerance, 0], [0]))
     decision.launch("end_iteration", control(), limits, decision.scalars, decision.state, iteration)
     assert OUTCOMES.get(decision.read(entries.OUTCOME)) is outcome
     assert decision.read(entries.NEWTON_ACTIVE) == (outcome is None)

@@ -29,6 +29,8 @@ from warpdeform.state import State
 
 NEWTON_CAP = 100
 """Most Newton iterations of a step that iterates to a tolerance."""
+IMPACT_ITERATIONS = 4
+"""Fewest Newton iterations of a step that meets an impact: one cannot tell the part that is stopped from the rest."""
 ULPS = 8.0
 """Relative round-off of a potential, in units of the precision's epsilon: a sum of products of differences."""
 
@@ -73,13 +75,22 @@ class NewtonSolver:
             [ULPS * epsilon, settings.newton_tolerance * spacing], dtype=wp.float64, device=device
         )
         to_tolerance = settings.newton_iterations == 0
-        limits = [NEWTON_CAP if to_tolerance else settings.newton_iterations, int(to_tolerance)]
-        self._limits: wp.array = wp.array(limits, dtype=wp.int32, device=device)
+        self._settled = [NEWTON_CAP if to_tolerance else settings.newton_iterations, int(to_tolerance), 0]
+        self._hit = [max(self._settled[0], IMPACT_ITERATIONS), int(to_tolerance), 1]
+        self._limits = Parameters(self._settled, wp.int32, device)
         self._weights = {s.real: Parameters(np.zeros((3, 3)), s.real, device) for s in states}
         self._rate = {s.real: Parameters([1.0], s.real, device) for s in states}
 
-    def prepare(self, stage_: Stage, time: float, dt: float) -> None:
-        """Write what changes from step to step into device arrays (host, before the recorded step is replayed)."""
+    def prepare(self, stage_: Stage, time: float, dt: float, impact: bool = False) -> None:
+        """Write what changes from step to step into device arrays (host, before the recorded step is replayed).
+
+        Args:
+            stage_: The stage of the step.
+            time: Where the step ends [s].
+            dt: The step [s].
+            impact: The step meets an impact, as the one before it has foreseen.
+        """
+        self._limits.write(self._hit if impact else self._settled)
         self.operator.set_tau(stage_.tau)
         for real in self._weights:
             self._weights[real].write([stage_.w, stage_.y, stage_.start])
@@ -102,11 +113,11 @@ class NewtonSolver:
 
     def rehearse(self) -> None:
         """Launch a step of one Newton and one conjugate gradient iteration: every kernel, whatever the settings."""
-        limits, cap = self._limits.numpy().copy(), self.linear_solver.cap.numpy().copy()
-        self._limits.assign([1, 0])
+        cap = self.linear_solver.cap.numpy().copy()
+        self._limits.write([1, 0, 0])
         self.linear_solver.cap.assign([1])
         self.record()
-        self._limits.assign(limits)
+        self._limits.write(self._settled)
         self.linear_solver.cap.assign(cap)
 
     def report(self) -> StepRecord:
@@ -141,7 +152,7 @@ class NewtonSolver:
                     term.linearise(state, state.trial)
         self._potential("z", entries.PHI_STILL)
         self._potential("trial", entries.PHI)
-        self._decide("choose_start", self._scalars)
+        self._decide("choose_start", self._limits.array, self._scalars)
         self._step_along("z")
 
     def _iterate(self) -> None:
@@ -162,7 +173,7 @@ class NewtonSolver:
         self._decide("begin_search", self.linear_solver.state, self.linear_solver.cap, self._scalars, self._state)
         wp.capture_while(self._search_active, self._search)
         self._step_along("z")
-        self._decide("end_iteration", self._control, self._limits, self._scalars, self._state, self._iteration)
+        self._decide("end_iteration", self._control, self._limits.array, self._scalars, self._state, self._iteration)
 
     def _search(self) -> None:
         self._step_along("trial")
