@@ -28,7 +28,6 @@ def kernel_module(name: str, width: int, real: Any) -> Any:
     Modules are separate so that only what a scene requires is compiled, and none keeps adjoint code.
     """
     module = wp.get_module(f"warpdeform_{name}_{real.__name__}_{width}")
-    # Contraction to fused multiply-adds depends on the surrounding code; without it all lane widths agree to the bit.
     module.options.update({"enable_backward": False})
     return module
 
