@@ -216,9 +216,6 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
                 d = -d
         return d
 
-    names = locals()
-    table = tuple(names[kind] for kind in KINDS if kind != "mesh")
-
     @wp.func(inline=False)  # one copy per module: halves the time to compile the mesh queries
     def signed_distance(o: Obstacle, p: V, reach: real, known_side: real):
         """The outward unit normal and the distance at p.
@@ -228,9 +225,22 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
             known_side: 1 outside, -1 inside, where this is known of a mesh; else 0.
         """
         d = F()
-        for k in range(wp.static(len(table))):
-            if o.kind == k:
-                d = wp.static(table[k])(o, p)
+        # Written out: a loop over the table would need deferred static expressions, whose hash depends on what else the
+        # process has compiled, so that a module would be compiled again in the next process.
+        if o.kind == wp.static(KINDS.index("plane")):
+            d = plane(o, p)
+        elif o.kind == wp.static(KINDS.index("sphere")):
+            d = sphere(o, p)
+        elif o.kind == wp.static(KINDS.index("box")):
+            d = box(o, p)
+        elif o.kind == wp.static(KINDS.index("capsule")):
+            d = capsule(o, p)
+        elif o.kind == wp.static(KINDS.index("cylinder")):
+            d = cylinder(o, p)
+        elif o.kind == wp.static(KINDS.index("cone")):
+            d = cone(o, p)
+        elif o.kind == wp.static(KINDS.index("torus")):
+            d = torus(o, p)
         if wp.static(with_mesh):
             if o.memory >= 0:
                 d = mesh(o, p, reach, known_side)
