@@ -15,7 +15,11 @@ from warpdeform.material import PaperWeights, SurfaceCoefficients
 Array = NDArray[np.float64]
 
 MAX_SKEW = 0.1
-"""Largest |cos| between the axes of a chart that the uncoupled bending scheme takes (0.5 % too stiff there)."""
+"""Largest |cos| between the axes of a chart that the uncoupled bending scheme takes.
+
+It leaves out what couples b12 to b11 and b22: a bend at 45 degrees to the axes is too stiff on one side and too soft on
+the other by 1.8 times the cosine (tests/physics/test_skew.py). Design 1.3 has the coupled scheme.
+"""
 NEGLIGIBLE = 1e-10
 """Entries of K below this fraction of the largest are round-off of the rest shape and count as zero."""
 
