@@ -55,7 +55,10 @@ class SurfaceStiffness:
 
 
 def surface_stiffness(
-    grid: ParameterGrid, rest: Array, material: SurfaceCoefficients | PaperWeights
+    grid: ParameterGrid,
+    rest: Array,
+    material: SurfaceCoefficients | PaperWeights,
+    orthogonal: bool | None = None,
 ) -> SurfaceStiffness:
     """Coefficients of a surface from its rest shape and material.
 
@@ -63,6 +66,8 @@ def surface_stiffness(
         grid: Parameter grid.
         rest: Rest positions [m], shape (nu, nv, 3).
         material: Physical constants, or the paper's weights.
+        orthogonal: Describe K by six entries, of which the others are the remainder (True) or by all (False); None
+            takes six where the others vanish.
 
     Raises:
         InputError: The material bends and the chart is skewed beyond what the bending scheme represents.
@@ -81,7 +86,8 @@ def surface_stiffness(
         _refuse_skew(chart)
         bending, twist = _bending(grid, chart, node_area, rest, material)
     K = np.einsum("ap,...ab,bq->...pq", _FROM_Q, membrane, _FROM_Q)
-    orthogonal = _is_orthogonal(K)
+    if orthogonal is None:
+        orthogonal = _is_orthogonal(K)
     entries = _ORTHOGONAL if orthogonal else _UPPER
     r1, r2 = _tangents(rest)
     return SurfaceStiffness(

@@ -6,11 +6,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpdeform.forces.force import BodyArrays, Force
+from warpdeform.forces.force import BodyArrays, Coarsening, Force, GridArrays
 from warpdeform.forces.surface_coefficients import SurfaceStiffness, surface_stiffness
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.kernels import surface as kernels
 from warpdeform.kernels.surface_blocks import surface_blocks
+from warpdeform.kernels.surface_levels import surface_levels
 from warpdeform.material import Material
 
 Array = NDArray[np.float64]
@@ -26,6 +27,7 @@ class SurfaceElasticity(Force):
         material: Material.
         real: ``wp.float32`` or ``wp.float64``.
         device: Warp device.
+        orthogonal: Which variant of the kernels to use; None takes the one that the chart needs.
     """
 
     name = "elasticity"
@@ -33,10 +35,19 @@ class SurfaceElasticity(Force):
     energy_kind = "elastic"
 
     def __init__(
-        self, grid: ParameterGrid, layout: Layout, rest: Array, material: Material, real: Any, device: Any
+        self,
+        grid: ParameterGrid,
+        layout: Layout,
+        rest: Array,
+        material: Material,
+        real: Any,
+        device: Any,
+        orthogonal: bool | None = None,
     ) -> None:
-        self.stiffness: SurfaceStiffness = surface_stiffness(grid, rest, material.surface())
+        self.stiffness: SurfaceStiffness = surface_stiffness(grid, rest, material.surface(), orthogonal)
+        self._rest, self._material = rest, material
         self.bending = self.stiffness.bending is not None
+        self.sample_nodes = 5 if self.bending else 4
         self._dim, self._device = layout.lane_dim, device
         self._lane_width, self._real = layout.lane_width, real
         self._words = kernels.surface(layout.lane_width, real, self.stiffness.orthogonal, self.bending)
@@ -80,13 +91,27 @@ class SurfaceElasticity(Force):
     def _launch(self, kernel: Any, *arguments: Any) -> None:
         wp.launch(kernel, dim=self._dim, inputs=arguments, device=self._device)
 
+    def coarser(self, transfer: Coarsening) -> "SurfaceElasticity":
+        """The surface through the coarse nodes, with the kernels of this one."""
+        rest = transfer.sample(self._rest)
+        return SurfaceElasticity(
+            transfer.coarse, transfer.layout, rest, self._material, self._real, self._device, self.stiffness.orthogonal
+        )
+
+    def coarsen(self, transfer: Coarsening, coarse: Force) -> None:
+        """Mean tension of the fine cells: strains measured on a coarse grid would be those of another shape."""
+        assert isinstance(coarse, SurfaceElasticity)
+        kernel = surface_levels(self._lane_width, self._real).average_tension
+        ratio = self._real(transfer.growth[0] / transfer.growth[1])
+        coarse._launch(kernel, self.tension, transfer.cells, ratio, coarse.tension)
+
     def measure(self, position: wp.array, q_out: wp.array, b_out: wp.array) -> None:
         """Strain numbers q, shape (5, rows, columns), and curvature numbers b, shape (3, rows, columns), of a shape."""
         self._launch(self._words.measure_membrane, position, q_out)
         if self.bending:
             self._launch(self._words.measure_bending, position, self.alpha_u, self.alpha_v, self._node_floor, b_out)
 
-    def linearise(self, body: BodyArrays, position: wp.array) -> None:
+    def linearise(self, body: GridArrays, position: wp.array) -> None:
         """Stresses, moments and the coefficients of the Hessian at `position`."""
         k = self._words
         self._launch(
@@ -113,7 +138,7 @@ class SurfaceElasticity(Force):
         """Add the exact derivative of the energy; uses the stresses of `linearise` (before any Hessian product)."""
         self._launch(self._words.gather, self.flux, self.flexure, self.scatter, gradient)
 
-    def add_hessian_product(self, body: BodyArrays, direction: wp.array, product: wp.array) -> None:
+    def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
         """Add the projected Hessian times `direction`."""
         k = self._words
         self._launch(k.product_cells, self._position, self.K, self.tension, self.K12, self.twist, direction, self.flux)
@@ -121,7 +146,7 @@ class SurfaceElasticity(Force):
             self._launch(k.product_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, direction, self.scatter)
         self._launch(k.gather, self.flux, self.flexure, self.scatter, product)
 
-    def add_block_diagonal(self, body: BodyArrays, blocks: wp.array) -> None:
+    def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian."""
         k = surface_blocks(self._lane_width, self._real, self.stiffness.orthogonal, self.bending)
         self._launch(k.block_cells, self._position, self.K, self.tension, self.K12, self.twist, blocks)
