@@ -257,7 +257,10 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
     @wp.func_native(rows(mat6, *(place(k) for k in range(6))))
     def load6(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> S: ...
 
-    @wp.func_native(lane_by_lane("wp::index(a, c0, i, wp::index(columns, t, j + k))"))
+    @wp.func_native(
+        f"{vec} r; const {rn}* row = &wp::index(a, c0, i, 0); const int* column = &wp::index(columns, t, j);"
+        f" {each} r.c[k] = row[column[k]]; return r;"
+    )
     def pick1(
         a: wp.array3d(dtype=real), c0: int, i: int, columns: wp.array2d(dtype=wp.int32), t: int, j: int
     ) -> L: ...

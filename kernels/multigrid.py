@@ -250,25 +250,40 @@ def dense(real: Any) -> SimpleNamespace:
             matrix_out[i, pivot] = -f
 
     @wp.kernel(module=module)
+    def gather_unknowns(
+        nodes_v: int,
+        halo: int,
+        free: wp.array3d(dtype=real),
+        r: wp.array3d(dtype=real),
+        vector_out: wp.array(dtype=wp.float64),
+    ):
+        """The component array r as a vector, zero at pins."""
+        k = wp.tid()
+        i, j = (k // 3) // nodes_v + 1, (k // 3) % nodes_v + halo
+        vector_out[k] = wp.float64(free[0, i, j] * r[k % 3, i, j])
+
+    @wp.kernel(module=module)
     def multiply(
         nodes_v: int,
         halo: int,
         free: wp.array3d(dtype=real),
         inverse: wp.array2d(dtype=wp.float64),
-        r: wp.array3d(dtype=real),
+        vector: wp.array(dtype=wp.float64),
         z_out: wp.array3d(dtype=real),
     ):
-        """z = inverse r on the free nodes, with the mean of both triangles: round-off must not make it unsymmetric."""
+        """z = inverse vector on the free nodes, with the mean of both triangles: round-off must stay symmetric."""
         k = wp.tid()
         total = wp.float64(0.0)
         for m in range(inverse.shape[0]):
-            n = m // 3
-            entry = inverse[k, m] + inverse[m, k]
-            total += entry * wp.float64(r[m % 3, n // nodes_v + 1, n % nodes_v + halo])
-        n = k // 3
-        f = free[0, n // nodes_v + 1, n % nodes_v + halo]
-        z_out[k % 3, n // nodes_v + 1, n % nodes_v + halo] = f * real(wp.float64(0.5) * total)
+            total += (inverse[k, m] + inverse[m, k]) * vector[m]
+        i, j = (k // 3) // nodes_v + 1, (k // 3) % nodes_v + halo
+        z_out[k % 3, i, j] = free[0, i, j] * real(wp.float64(0.5) * total)
 
     return SimpleNamespace(
-        module=module, set_unit=set_unit, store_column=store_column, sweep=sweep, multiply=multiply
+        module=module,
+        set_unit=set_unit,
+        store_column=store_column,
+        sweep=sweep,
+        gather_unknowns=gather_unknowns,
+        multiply=multiply,
     )

@@ -24,10 +24,11 @@ class DenseInverse:
         shape = (self._unknowns, self._unknowns)
         self._matrix: wp.array = wp.zeros(shape, dtype=wp.float64, device=self._device)
         self._swept: wp.array = wp.zeros(shape, dtype=wp.float64, device=self._device)
+        self._vector: wp.array = wp.zeros(self._unknowns, dtype=wp.float64, device=self._device)
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
-        return int(self._matrix.capacity + self._swept.capacity)
+        return int(self._matrix.capacity + self._swept.capacity + self._vector.capacity)
 
     def update(self, unit: wp.array, product: wp.array) -> None:
         """Assemble A column by column and invert it.
@@ -46,7 +47,8 @@ class DenseInverse:
 
     def apply(self, residual: wp.array, solution: wp.array) -> None:
         """solution = A^-1 residual on the free nodes; arrays of shape (3, rows, columns)."""
-        self._launch("multiply", *self._place, self._free, self._matrix, residual, solution)
+        self._launch("gather_unknowns", *self._place, self._free, residual, self._vector)
+        self._launch("multiply", *self._place, self._free, self._matrix, self._vector, solution)
 
     def _launch(self, name: str, *inputs: Any) -> None:
         wp.launch(getattr(self._kernels, name), dim=self._unknowns, inputs=inputs, device=self._device)

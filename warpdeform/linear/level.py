@@ -15,7 +15,7 @@ from warpdeform.linear.coarsest import DenseInverse
 from warpdeform.linear.operator import GridOperator
 from warpdeform.linear.transfer import Transfer
 
-COARSEST_NODES = 27
+COARSEST_NODES = 12
 """A grid of so many nodes or fewer is solved directly."""
 DEGREE = 2
 """Degree of the smoother's polynomial."""
