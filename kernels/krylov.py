@@ -23,7 +23,12 @@ SOLVER_SCALARS = 4
 ACTIVE = wp.constant(0)
 ITERATIONS = wp.constant(1)
 BREAKDOWN = wp.constant(2)
-SOLVER_STATE = 3
+RETREAT = wp.constant(3)
+RETREATS = wp.constant(4)
+RESTART = wp.constant(5)
+SOLVER_STATE = 6
+
+MOST_RETREATS = wp.constant(2)
 
 
 @functools.cache
@@ -238,6 +243,15 @@ def reductions() -> SimpleNamespace:
         return s
 
     @wp.kernel(module=module)
+    def judge_preconditioner(rows: wp.array2d(dtype=wp.float64), state_out: wp.array(dtype=wp.int32)):
+        """r.z < 0: the preconditioner is to retreat, and the next direction starts afresh."""
+        state_out[RETREAT] = 0
+        if row_sum(rows) < wp.float64(0.0) and state_out[RETREATS] < MOST_RETREATS:
+            state_out[RETREAT] = 1
+            state_out[RETREATS] = state_out[RETREATS] + 1
+            state_out[RESTART] = 1
+
+    @wp.kernel(module=module)
     def cg_start(
         rows: wp.array2d(dtype=wp.float64),
         scalars_out: wp.array(dtype=wp.float64),
@@ -248,6 +262,7 @@ def reductions() -> SimpleNamespace:
         scalars_out[RZ] = rz
         scalars_out[RZ_START] = rz
         state_out[ITERATIONS] = 0
+        state_out[RESTART] = 0
         state_out[ACTIVE] = wp.where(rz > wp.float64(0.0), 1, 0)
         state_out[BREAKDOWN] = wp.where(wp.isfinite(rz), 0, 1)
 
@@ -273,9 +288,10 @@ def reductions() -> SimpleNamespace:
         scalars_out: wp.array(dtype=wp.float64),
         state_out: wp.array(dtype=wp.int32),
     ):
-        """beta = new r.z / old r.z, and the stop test sqrt(r.z) <= tolerance * first sqrt(r.z)."""
+        """beta = new r.z / old r.z (0 after a retreat), and the stop test sqrt(r.z) <= tolerance * first sqrt(r.z)."""
         rz = row_sum(rows)
-        scalars_out[BETA] = rz / scalars_out[RZ]
+        scalars_out[BETA] = wp.where(state_out[RESTART] == 1, wp.float64(0.0), rz / scalars_out[RZ])
+        state_out[RESTART] = 0
         scalars_out[RZ] = rz
         state_out[ITERATIONS] = state_out[ITERATIONS] + 1
         if not (rz >= wp.float64(0.0)) or not wp.isfinite(rz):
@@ -290,6 +306,7 @@ def reductions() -> SimpleNamespace:
         max_rows=max_rows,
         total=total,
         greatest=greatest,
+        judge_preconditioner=judge_preconditioner,
         cg_start=cg_start,
         cg_step=cg_step,
         cg_turn=cg_turn,

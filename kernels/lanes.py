@@ -17,7 +17,7 @@ from typing import Any
 import warp as wp
 
 WORDS = frozenset(
-    "L V S load1 load3 load6 pick1 store1 store3 store6 splat mul div root at_least sum_lanes max_lanes "
+    "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 splat mul div root at_least sum_lanes max_lanes "
     "dot3 cross3 scale scale6 vector outer symmetric isotropic apply6 inverse6".split()
 )
 NATIVE = {wp.float32: "float", wp.float64: "double"}
@@ -97,6 +97,11 @@ def _scalar_words(real: Any) -> SimpleNamespace:
     def pick1(a: wp.array3d(dtype=real), c: int, i: int, columns: wp.array2d(dtype=wp.int32), t: int, j: int):
         """Component c of row i at the columns that row t of a table names for the lane group."""
         return a[c, i, columns[t, j]]
+
+    @wp.func
+    def pick3(a: wp.array3d(dtype=real), c: int, i: int, columns: wp.array2d(dtype=wp.int32), t: int, j: int):
+        k = columns[t, j]
+        return V(a[c, i, k], a[c + 1, i, k], a[c + 2, i, k])
 
     @wp.func
     def store1(a: wp.array3d(dtype=real), c: int, i: int, j: int, x: real):
@@ -241,6 +246,11 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
     def store(n: int) -> str:
         return lane_vector + "".join(f"{place(k)} = {row('v', k)}; " for k in range(n))
 
+    def pick_row(member: str, k: int) -> str:
+        """Code that picks the lanes of a row of the result out of component c0 + k."""
+        start = f"const {rn}* row = &wp::index(a, c0 + {k}, i, 0); const int* column = &wp::index(columns, t, j);"
+        return f"{{ {start} {each} r.{member}[k] = row[column[k]]; }} "
+
     def products(k: int, m: int) -> str:
         return f"{row('a', k)} * {row('b', m)}"
 
@@ -257,13 +267,15 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
     @wp.func_native(rows(mat6, *(place(k) for k in range(6))))
     def load6(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> S: ...
 
-    @wp.func_native(
-        f"{vec} r; const {rn}* row = &wp::index(a, c0, i, 0); const int* column = &wp::index(columns, t, j);"
-        f" {each} r.c[k] = row[column[k]]; return r;"
-    )
+    @wp.func_native(f"{vec} r; {pick_row('c', 0)}return r;")
     def pick1(
         a: wp.array3d(dtype=real), c0: int, i: int, columns: wp.array2d(dtype=wp.int32), t: int, j: int
     ) -> L: ...
+
+    @wp.func_native(f"{mat3} r; {''.join(pick_row(f'data[{k}]', k) for k in range(3))}return r;")
+    def pick3(
+        a: wp.array3d(dtype=real), c0: int, i: int, columns: wp.array2d(dtype=wp.int32), t: int, j: int
+    ) -> V: ...
 
     @wp.func_native(f"{lane_vector}{place(0)} = {one('v')};")
     def store1(a: wp.array3d(dtype=real), c0: int, i: int, j: int, v: L): ...

@@ -14,6 +14,14 @@ import warp as wp
 from warpdeform.kernels.lanes import kernel_module, lanes
 from warpdeform.kernels.transfer import transfer_tables, transfers
 
+# Columns of the rates of a smoother.
+KEEP = wp.constant(0)
+RATE = wp.constant(1)
+
+# Entries of the caution with which a hierarchy works: which set of rates it takes, and whether it has given up.
+RATES = wp.constant(0)
+GIVEN_UP = wp.constant(1)
+
 MOST_STIFFENING = 1.0e6
 """Largest |C| / |E| that a coarser grid is told of: beyond, float32 could not tell E in C any more."""
 
@@ -27,7 +35,7 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
     store1, store3, store6, isotropic = words.store1, words.store3, words.store6, words.isotropic
     scale, scale6, apply6, inverse6, splat = words.scale, words.scale6, words.apply6, words.inverse6, words.splat
     mul, div, at_least, symmetric, vector = words.mul, words.div, words.at_least, words.symmetric, words.vector
-    one, zero, tiny, most = real(1.0), real(0.0), real(1.0e-30), real(MOST_STIFFENING)
+    one, tiny, most = real(1.0), real(1.0e-30), real(MOST_STIFFENING)
     module = kernel_module("multigrid", width, real)
 
     @wp.kernel(module=module)
@@ -36,11 +44,10 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         tables: Tables,
         b_out: wp.array3d(dtype=real),
     ):
-        """b = the linear map of a, component by component."""
+        """b = the linear map of the vectors a."""
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        for c in range(b_out.shape[0]):
-            store1(b_out, c, i, j, carried(a, c, tables, i, j))
+        store3(b_out, 0, i, j, carried3(a, tables, i, j))
 
     @wp.kernel(module=module)
     def correct(
@@ -103,7 +110,8 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         free: wp.array3d(dtype=real),
         inverse: wp.array3d(dtype=real),
         r: wp.array3d(dtype=real),
-        rate: real,
+        rates: wp.array3d(dtype=real),
+        caution: wp.array(dtype=wp.int32),
         r_out: wp.array3d(dtype=real),
         d_out: wp.array3d(dtype=real),
         z_out: wp.array3d(dtype=real),
@@ -112,7 +120,7 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
         residual = load3(r, 0, i, j)
-        d = scale(rate * load1(free, 0, i, j), apply6(load6(inverse, 0, i, j), residual))
+        d = scale(rates[caution[RATES], 0, RATE] * load1(free, 0, i, j), apply6(load6(inverse, 0, i, j), residual))
         store3(r_out, 0, i, j, residual)
         store3(d_out, 0, i, j, d)
         store3(z_out, 0, i, j, d)
@@ -122,8 +130,9 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         free: wp.array3d(dtype=real),
         inverse: wp.array3d(dtype=real),
         q: wp.array3d(dtype=real),
-        keep: real,
-        rate: real,
+        rates: wp.array3d(dtype=real),
+        caution: wp.array(dtype=wp.int32),
+        step: int,
         r_out: wp.array3d(dtype=real),
         d_out: wp.array3d(dtype=real),
         z_out: wp.array3d(dtype=real),
@@ -133,8 +142,8 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         i, j = ii + 1, (group + 1) * width
         f = load1(free, 0, i, j)
         residual = load3(r_out, 0, i, j) - scale(f, load3(q, 0, i, j))
-        d = scale(rate * f, apply6(load6(inverse, 0, i, j), residual))
-        d = d + scale(splat(keep), load3(d_out, 0, i, j))
+        d = scale(rates[caution[RATES], step, RATE] * f, apply6(load6(inverse, 0, i, j), residual))
+        d = d + scale(splat(rates[caution[RATES], step, KEEP]), load3(d_out, 0, i, j))
         store3(r_out, 0, i, j, residual)
         store3(d_out, 0, i, j, d)
         store3(z_out, 0, i, j, load3(z_out, 0, i, j) + d)
@@ -211,6 +220,13 @@ def dense(real: Any) -> SimpleNamespace:
     module = kernel_module("dense", 1, real)
 
     @wp.kernel(module=module)
+    def grow_cautious(caution_out: wp.array(dtype=wp.int32)):
+        """The cycle was not positive definite: the rates of the proven bound; if it has those, no cycle at all."""
+        if caution_out[RATES] == 1:
+            caution_out[GIVEN_UP] = 1
+        caution_out[RATES] = 1
+
+    @wp.kernel(module=module)
     def set_unit(nodes_v: int, halo: int, column: int, d_out: wp.array3d(dtype=real)):
         """d = the unit vector of a column."""
         k = wp.tid()
@@ -281,6 +297,7 @@ def dense(real: Any) -> SimpleNamespace:
 
     return SimpleNamespace(
         module=module,
+        grow_cautious=grow_cautious,
         set_unit=set_unit,
         store_column=store_column,
         sweep=sweep,

@@ -33,7 +33,8 @@ def transfer_tables(real: Any) -> Any:
 def transfers(width: int, real: Any) -> SimpleNamespace:
     """Device functions ``carried`` and ``carried3`` for one lane width and precision."""
     words, Tables = lanes(width, real), transfer_tables(real)
-    load1, pick1, mul, splat, vector = words.load1, words.pick1, words.mul, words.splat, words.vector
+    load1, pick1, pick3, mul, splat = words.load1, words.pick1, words.pick3, words.mul, words.splat
+    scale, vector = words.scale, words.vector
     zero = real(0.0)
 
     @wp.func
@@ -53,6 +54,14 @@ def transfers(width: int, real: Any) -> SimpleNamespace:
     @wp.func
     def carried3(a: wp.array3d(dtype=real), tables: Tables, i: int, j: int):
         """The map of a vector."""
-        return vector(carried(a, 0, tables, i, j), carried(a, 1, tables, i, j), carried(a, 2, tables, i, j))
+        total = vector(splat(zero), splat(zero), splat(zero))
+        for t in range(tables.columns.shape[0]):
+            along = vector(splat(zero), splat(zero), splat(zero))
+            for s in range(tables.rows.shape[0]):
+                w = tables.row_weights[s, i]
+                if w != zero:
+                    along = along + scale(splat(w), pick3(a, 0, tables.rows[s, i], tables.columns, t, j))
+            total = total + scale(load1(tables.column_weights, t, 0, j), along)
+        return total
 
     return SimpleNamespace(carried=carried, carried3=carried3)

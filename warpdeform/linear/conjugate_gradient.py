@@ -13,9 +13,10 @@ from warpdeform.state import State
 class ConjugateGradient:
     """Solves A direction = -gradient for all bodies at once.
 
-    Departs from the textbook in three points: it stops on sqrt(r.z), which is at hand and follows the energy error more
+    Departs from the textbook in four points: it stops on sqrt(r.z), which is at hand and follows the energy error more
     closely than |r| (design 7.1); all vectors are masked, so that pinned nodes are not part of the system; p.Ap <= 0
-    ends the solve with what it has and is reported, instead of being assumed away.
+    ends the solve with what it has and is reported, instead of being assumed away; r.P r < 0 makes the preconditioner
+    more careful and starts afresh from where the solve has come to.
 
     Attributes:
         state: int32 (ACTIVE, ITERATIONS, BREAKDOWN) of :mod:`warpdeform.kernels.krylov`.
@@ -37,6 +38,7 @@ class ConjugateGradient:
         self._scalars: wp.array = wp.zeros(entries.SOLVER_SCALARS, dtype=wp.float64, device=device)
         self.state: wp.array = wp.zeros(entries.SOLVER_STATE, dtype=wp.int32, device=device)
         self._active = self.state[entries.ACTIVE : entries.ACTIVE + 1]
+        self._retreat = self.state[entries.RETREAT : entries.RETREAT + 1]
         self.cap: wp.array = wp.array([cap], dtype=wp.int32, device=device)
         self.tolerance: wp.array = wp.array([tolerance], dtype=wp.float64, device=device)
 
@@ -46,10 +48,10 @@ class ConjugateGradient:
         for state in self.operator.states:
             state.direction.zero_()
             self._lanes(state, "negate", state.gradient, state.residual)
-        self.preconditioner.apply()
+        self.state.zero_()
+        self._precondition()
         for state in self.operator.states:
             wp.copy(state.search, state.conditioned)
-        self._sums.gather_dots()
         self._scalar("cg_start", self._scalars, self.state)
         wp.capture_while(self._active, self._iterate)
 
@@ -59,11 +61,24 @@ class ConjugateGradient:
         self._scalar("cg_step", self._scalars, self.state)
         for state in self.operator.states:
             self._lanes(state, "advance", self._scalars, state.search, state.product, state.direction, state.residual)
-        self.preconditioner.apply()
-        self._sums.gather_dots()
+        self._precondition()
         self._scalar("cg_turn", self.tolerance, self.cap, self._scalars, self.state)
         for state in self.operator.states:
             self._lanes(state, "turn", self._scalars, state.conditioned, state.search)
+
+    def _precondition(self) -> None:
+        """conditioned = P residual, by a more careful P where r.P r is negative."""
+        self.preconditioner.apply()
+        self._sums.gather_dots()
+        if self.preconditioner.retreats:
+            self._scalar("judge_preconditioner", self.state)
+            wp.capture_while(self._retreat, self._precondition_again)
+
+    def _precondition_again(self) -> None:
+        self.preconditioner.retreat()
+        self.preconditioner.apply()
+        self._sums.gather_dots()
+        self._scalar("judge_preconditioner", self.state)
 
     def _lanes(self, state: State, name: str, *inputs: wp.array) -> None:
         kernel = getattr(krylov(state.lane_width, state.real), name)
