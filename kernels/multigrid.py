@@ -176,7 +176,9 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         store6(stiffening_out, 0, i, j, scale6(f, felt) + scale6(splat(one) - f, E))
 
     @wp.kernel(module=module)
-    def hold_pins(free: wp.array3d(dtype=real), elastic: wp.array3d(dtype=real), stiffening_out: wp.array3d(dtype=real)):
+    def hold_pins(
+        free: wp.array3d(dtype=real), elastic: wp.array3d(dtype=real), stiffening_out: wp.array3d(dtype=real)
+    ):
         """What a coarser grid feels of pins where there are no node-wise terms: E at pins."""
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width

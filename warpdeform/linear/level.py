@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpdeform.forces.force import Force, GridArrays
+from warpdeform.forces.force import Force
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.kernels.multigrid import multigrid
 from warpdeform.linear.coarsest import DenseInverse

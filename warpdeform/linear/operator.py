@@ -24,9 +24,7 @@ class GridOperator:
         terms: The terms that couple nodes.
     """
 
-    def __init__(
-        self, body: GridArrays, inertia: wp.array, blocks: wp.array | None, terms: Sequence[Force]
-    ) -> None:
+    def __init__(self, body: GridArrays, inertia: wp.array, blocks: wp.array | None, terms: Sequence[Force]) -> None:
         self.body, self.inertia, self.blocks, self.terms = body, inertia, blocks, tuple(terms)
 
     def product(self, p: wp.array, q: wp.array) -> None:
