@@ -1,8 +1,8 @@
-"""Geometric multigrid on component arrays: transfers between grids, the Chebyshev smoother, the coarsest solve.
+"""Geometric multigrid on component arrays: transfers, the Chebyshev smoother, the coarsest solve.
 
-Notation of design 7.1: A the matrix, D its diagonal blocks, C what of them stems from node-wise terms (contact, springs,
-friction, air), E = D - C the elastic block with the mass. A coarse correction is filtered by F = D^-1 E before it is
-added: where contact is stiff the elastic coarse grid must not move a node.
+Notation of design 7.1: A the matrix, D its diagonal blocks, C what of them stems from node-wise terms (contact,
+springs, friction, air), E = D - C the elastic block with the mass. A coarse correction is filtered by F = D^-1 E before
+it is added: where contact is stiff the elastic coarse grid must not move a node.
 """
 
 import functools
@@ -34,7 +34,7 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
     load1, load3, load6 = words.load1, words.load3, words.load6
     store1, store3, store6, isotropic = words.store1, words.store3, words.store6, words.isotropic
     scale, scale6, apply6, inverse6, splat = words.scale, words.scale6, words.apply6, words.inverse6, words.splat
-    mul, div, at_least, symmetric, vector = words.mul, words.div, words.at_least, words.symmetric, words.vector
+    div, at_least, symmetric, vector = words.div, words.at_least, words.symmetric, words.vector
     one, tiny, most = real(1.0), real(1.0e-30), real(MOST_STIFFENING)
     module = kernel_module("multigrid", width, real)
 

@@ -1,7 +1,7 @@
 """Coefficients of an elastic surface on a coarser grid, for multigrid.
 
-Normals and Christoffel symbols are those of the coarse positions (:mod:`warpdeform.kernels.surface`, as on any grid); the
-clipped tension is the mean of the fine one: strains of a coarse grid would be those of another, flatter shape.
+Normals and Christoffel symbols are those of the coarse positions (:mod:`warpdeform.kernels.surface`, as on any grid);
+the clipped tension is the mean of the fine one: strains of a coarse grid would be those of another, flatter shape.
 """
 
 import functools

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-
 MOST_GROWTH = 2.2
 """Largest growth of the spacing from a grid of a multigrid hierarchy to the next."""
 

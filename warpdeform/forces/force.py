@@ -55,6 +55,28 @@ class Coarsening(Protocol):
         """Values at the nodes, shape (nu, nv, n), at the coarse nodes (host)."""
 
 
+class GridTerm(Protocol):
+    """What the linear solver asks of a term that couples nodes, on whatever grid; told in :class:`Force`."""
+
+    sample_nodes: int
+
+    def bytes(self) -> int: ...
+
+    def coarser(self, transfer: Coarsening) -> "CoarseTerm | None": ...
+
+    def coarsen(self, transfer: Coarsening, coarse: "CoarseTerm") -> None: ...
+
+    def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None: ...
+
+    def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None: ...
+
+
+class CoarseTerm(GridTerm, Protocol):
+    """A term on a coarse grid: what a body has on its own grid only is not there to linearise it with."""
+
+    def linearise(self, body: GridArrays, position: wp.array) -> None: ...
+
+
 class Force:
     """One term of one body: an incremental potential with its gradient and a positive semi-definite Hessian.
 
@@ -65,7 +87,7 @@ class Force:
     name: ClassVar[str] = "force"
     elastic: ClassVar[bool] = False
     """True for terms whose Hessian couples nodes; False for node-wise terms, whose Hessian is one block per node."""
-    sample_nodes: ClassVar[int] = 0
+    sample_nodes: int = 0
     """Most nodes that one sample of the energy couples: no eigenvalue of D^-1 H is larger (elastic terms)."""
     energy_kind: ClassVar[str] = "field"
     """Where reports book the energy: "elastic", "gravity", "field"; "" where none is stored (friction, wind)."""
@@ -79,14 +101,11 @@ class Force:
         """Device memory that the term keeps [bytes]."""
         return 0
 
-    def coarser(self, transfer: "Coarsening") -> "Force | None":
-        """The same energy on a coarser grid, rediscretised (elastic terms); None if coarse grids do without it.
-
-        Of what it returns only `linearise`, `add_hessian_product` and `add_block_diagonal` are used.
-        """
+    def coarser(self, transfer: Coarsening) -> CoarseTerm | None:
+        """The same energy on a coarser grid, rediscretised (elastic terms); None if coarse grids do without it."""
         return None
 
-    def coarsen(self, transfer: "Coarsening", coarse: "Force") -> None:
+    def coarsen(self, transfer: Coarsening, coarse: CoarseTerm) -> None:
         """Carry to `coarse`, which was linearised at the coarse positions, what it must not measure itself."""
 
     def prepare(self, time: float, dt: float, tau: float) -> None:
@@ -95,7 +114,7 @@ class Force:
     def begin(self, body: BodyArrays) -> None:
         """Start of a step: `body.x` holds the accepted position; freeze frames that last for the step."""
 
-    def linearise(self, body: GridArrays, position: wp.array) -> None:
+    def linearise(self, body: BodyArrays, position: wp.array) -> None:
         """Store at a Newton iterate what gradient, Hessian product and blocks need."""
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:

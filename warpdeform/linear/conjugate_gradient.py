@@ -5,7 +5,7 @@ import warp as wp
 from warpdeform.kernels import krylov as entries
 from warpdeform.kernels.krylov import krylov, reductions
 from warpdeform.linear.operator import LinearOperator
-from warpdeform.linear.preconditioners import Preconditioner
+from warpdeform.linear.preconditioner import Preconditioner
 from warpdeform.linear.sums import Sums
 from warpdeform.state import State
 

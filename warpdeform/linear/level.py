@@ -7,7 +7,6 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpdeform.forces.force import Force
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.kernels.multigrid import multigrid
 from warpdeform.linear.coarsest import DenseInverse
@@ -26,7 +25,7 @@ TYPICAL_SHARE = 0.65
 """What the smoother takes for the largest eigenvalue of D^-1 A at first, as a part of its bound."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class CoarseBody:
     """What there is of a body on a coarse grid; attributes as in :class:`~warpdeform.forces.force.GridArrays`."""
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from warpdeform.forces.force import Force, GridArrays
+from warpdeform.forces.force import Force, GridArrays, GridTerm
 from warpdeform.forces.parameters import Parameters
 from warpdeform.kernels.krylov import krylov
 from warpdeform.state import State
@@ -24,7 +24,7 @@ class GridOperator:
         terms: The terms that couple nodes.
     """
 
-    def __init__(self, body: GridArrays, inertia: wp.array, blocks: wp.array | None, terms: Sequence[Force]) -> None:
+    def __init__(self, body: GridArrays, inertia: wp.array, blocks: wp.array | None, terms: Sequence[GridTerm]) -> None:
         self.body, self.inertia, self.blocks, self.terms = body, inertia, blocks, tuple(terms)
 
     def product(self, p: wp.array, q: wp.array) -> None:
