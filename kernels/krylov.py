@@ -17,7 +17,8 @@ ALPHA = wp.constant(0)
 BETA = wp.constant(1)
 RZ = wp.constant(2)
 RZ_START = wp.constant(3)
-SOLVER_SCALARS = 4
+RZ_SWITCHED = wp.constant(4)
+SOLVER_SCALARS = 5
 
 # Entries of the solver's int32 state.
 ACTIVE = wp.constant(0)
@@ -26,7 +27,9 @@ BREAKDOWN = wp.constant(2)
 RETREAT = wp.constant(3)
 RETREATS = wp.constant(4)
 RESTART = wp.constant(5)
-SOLVER_STATE = 6
+SWITCH_AT = wp.constant(6)
+SWITCHED = wp.constant(7)
+SOLVER_STATE = 8
 
 MOST_RETREATS = wp.constant(2)
 
@@ -243,12 +246,23 @@ def reductions() -> SimpleNamespace:
         return s
 
     @wp.kernel(module=module)
-    def judge_preconditioner(rows: wp.array2d(dtype=wp.float64), state_out: wp.array(dtype=wp.int32)):
-        """r.z < 0: the preconditioner is to retreat, and the next direction starts afresh."""
+    def judge_preconditioner(
+        rows: wp.array2d(dtype=wp.float64),
+        scalars_out: wp.array(dtype=wp.float64),
+        state_out: wp.array(dtype=wp.int32),
+    ):
+        """r.z < 0, or so many iterations that it should be another one: it is to change, the next direction is new."""
+        rz = row_sum(rows)
         state_out[RETREAT] = 0
-        if row_sum(rows) < wp.float64(0.0) and state_out[RETREATS] < MOST_RETREATS:
+        if rz < wp.float64(0.0) and state_out[RETREATS] < MOST_RETREATS:
             state_out[RETREAT] = 1
             state_out[RETREATS] = state_out[RETREATS] + 1
+        elif state_out[SWITCH_AT] > 0 and state_out[ITERATIONS] >= state_out[SWITCH_AT]:
+            state_out[RETREAT] = 1
+            state_out[SWITCH_AT] = 0
+            state_out[SWITCHED] = 1
+            scalars_out[RZ_SWITCHED] = rz
+        if state_out[RETREAT] == 1:
             state_out[RESTART] = 1
 
     @wp.kernel(module=module)
@@ -290,7 +304,13 @@ def reductions() -> SimpleNamespace:
     ):
         """beta = new r.z / old r.z (0 after a retreat), and the stop test sqrt(r.z) <= tolerance * first sqrt(r.z)."""
         rz = row_sum(rows)
-        scalars_out[BETA] = wp.where(state_out[RESTART] == 1, wp.float64(0.0), rz / scalars_out[RZ])
+        scalars_out[BETA] = rz / scalars_out[RZ]
+        if state_out[RESTART] == 1:
+            scalars_out[BETA] = wp.float64(0.0)
+        if state_out[SWITCHED] == 1:
+            # What has been reached so far counts, in the measure of the new preconditioner.
+            scalars_out[RZ_START] = scalars_out[RZ_START] * rz / scalars_out[RZ_SWITCHED]
+            state_out[SWITCHED] = 0
         state_out[RESTART] = 0
         scalars_out[RZ] = rz
         state_out[ITERATIONS] = state_out[ITERATIONS] + 1

@@ -11,16 +11,13 @@ from typing import Any
 
 import warp as wp
 
+from warpdeform.kernels.choice import RATES
 from warpdeform.kernels.lanes import kernel_module, lanes
 from warpdeform.kernels.transfer import transfer_tables, transfers
 
 # Columns of the rates of a smoother.
 KEEP = wp.constant(0)
 RATE = wp.constant(1)
-
-# Entries of the caution with which a hierarchy works: which set of rates it takes, and whether it has given up.
-RATES = wp.constant(0)
-GIVEN_UP = wp.constant(1)
 
 MOST_STIFFENING = 1.0e6
 """Largest |C| / |E| that a coarser grid is told of: beyond, float32 could not tell E in C any more."""
@@ -30,9 +27,9 @@ MOST_STIFFENING = 1.0e6
 def multigrid(width: int, real: Any) -> SimpleNamespace:
     """Lane kernels of the V-cycle for one lane width and precision."""
     words, moves, Tables = lanes(width, real), transfers(width, real), transfer_tables(real)
-    carried, carried3 = moves.carried, moves.carried3
+    carried3, add3 = moves.carried3, words.add3
     load1, load3, load6 = words.load1, words.load3, words.load6
-    store1, store3, store6, isotropic = words.store1, words.store3, words.store6, words.isotropic
+    store3, store6, isotropic = words.store3, words.store6, words.isotropic
     scale, scale6, apply6, inverse6, splat = words.scale, words.scale6, words.apply6, words.inverse6, words.splat
     div, at_least, symmetric, vector = words.div, words.at_least, words.symmetric, words.vector
     one, tiny, most = real(1.0), real(1.0e-30), real(MOST_STIFFENING)
@@ -47,7 +44,7 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         """b = the linear map of the vectors a."""
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        store3(b_out, 0, i, j, carried3(a, tables, i, j))
+        store3(b_out, 0, i, j, carried3(a, 0, tables, i, j))
 
     @wp.kernel(module=module)
     def correct(
@@ -60,7 +57,7 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         """Coarse correction d = P z on the free nodes, added to the fine z."""
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        d = scale(load1(free, 0, i, j), carried3(z, tables, i, j))
+        d = scale(load1(free, 0, i, j), carried3(z, 0, tables, i, j))
         store3(d_out, 0, i, j, d)
         store3(z_out, 0, i, j, load3(z_out, 0, i, j) + d)
 
@@ -77,7 +74,7 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         """Coarse correction d = F P z on the free nodes, F = D^-1 E, added to the fine z."""
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        e = apply6(load6(elastic, 0, i, j), carried3(z, tables, i, j))
+        e = apply6(load6(elastic, 0, i, j), carried3(z, 0, tables, i, j))
         d = scale(load1(free, 0, i, j), apply6(load6(inverse, 0, i, j), e))
         store3(d_out, 0, i, j, d)
         store3(z_out, 0, i, j, load3(z_out, 0, i, j) + d)
@@ -185,22 +182,17 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         store6(stiffening_out, 0, i, j, scale6(splat(one) - load1(free, 0, i, j), load6(elastic, 0, i, j)))
 
     @wp.kernel(module=module)
-    def add_carried(
-        a: wp.array3d(dtype=real),
-        tables: Tables,
-        b_out: wp.array3d(dtype=real),
-    ):
-        """b = b + the linear map of a, component by component."""
+    def add_carried_blocks(a: wp.array3d(dtype=real), tables: Tables, b_out: wp.array3d(dtype=real)):
+        """b = b + the linear map of the blocks a."""
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        for c in range(b_out.shape[0]):
-            total = load1(b_out, c, i, j) + carried(a, c, tables, i, j)
-            store1(b_out, c, i, j, total)
+        add3(b_out, 0, i, j, carried3(a, 0, tables, i, j))
+        add3(b_out, 3, i, j, carried3(a, 3, tables, i, j))
 
     return SimpleNamespace(
         module=module,
         carry=carry,
-        add_carried=add_carried,
+        add_carried_blocks=add_carried_blocks,
         correct=correct,
         correct_filtered=correct_filtered,
         retire=retire,
@@ -220,13 +212,6 @@ def dense(real: Any) -> SimpleNamespace:
     factorisation would, and a product with it runs in parallel.
     """
     module = kernel_module("dense", 1, real)
-
-    @wp.kernel(module=module)
-    def grow_cautious(caution_out: wp.array(dtype=wp.int32)):
-        """The cycle was not positive definite: the rates of the proven bound; if it has those, no cycle at all."""
-        if caution_out[RATES] == 1:
-            caution_out[GIVEN_UP] = 1
-        caution_out[RATES] = 1
 
     @wp.kernel(module=module)
     def set_unit(nodes_v: int, halo: int, column: int, d_out: wp.array3d(dtype=real)):
@@ -299,7 +284,6 @@ def dense(real: Any) -> SimpleNamespace:
 
     return SimpleNamespace(
         module=module,
-        grow_cautious=grow_cautious,
         set_unit=set_unit,
         store_column=store_column,
         sweep=sweep,

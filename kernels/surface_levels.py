@@ -17,7 +17,8 @@ from warpdeform.kernels.transfer import transfer_tables, transfers
 @functools.cache
 def surface_levels(width: int, real: Any) -> SimpleNamespace:
     """Kernel ``average_tension`` for one lane width and precision."""
-    words, Tables, carried = lanes(width, real), transfer_tables(real), transfers(width, real).carried
+    words, moves, Tables = lanes(width, real), transfers(width, real), transfer_tables(real)
+    carried, carried3 = moves.carried, moves.carried3
     store1, splat, mul = words.store1, words.splat, words.mul
     module = kernel_module("surface_levels", width, real)
 
@@ -37,8 +38,9 @@ def surface_levels(width: int, real: Any) -> SimpleNamespace:
         """
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        both, difference = carried(tension, 2, tables, i, j), carried(tension, 3, tables, i, j)
-        shear_d, shear_e = carried(tension, 0, tables, i, j) - both, carried(tension, 1, tables, i, j) - both
+        mean = carried3(tension, 0, tables, i, j)
+        both, difference = mean[2], carried(tension, 3, tables, i, j)
+        shear_d, shear_e = mean[0] - both, mean[1] - both
         pull_u = mul(splat(real(0.5) / ratio), both + difference)
         pull_v = mul(splat(real(0.5) * ratio), both - difference)
         store1(tension_out, 0, i, j, (pull_u + pull_v) + shear_d)

@@ -52,15 +52,15 @@ def transfers(width: int, real: Any) -> SimpleNamespace:
         return total
 
     @wp.func
-    def carried3(a: wp.array3d(dtype=real), tables: Tables, i: int, j: int):
-        """The map of a vector."""
+    def carried3(a: wp.array3d(dtype=real), c: int, tables: Tables, i: int, j: int):
+        """The map of a vector, components c to c + 2."""
         total = vector(splat(zero), splat(zero), splat(zero))
         for t in range(tables.columns.shape[0]):
             along = vector(splat(zero), splat(zero), splat(zero))
             for s in range(tables.rows.shape[0]):
                 w = tables.row_weights[s, i]
                 if w != zero:
-                    along = along + scale(splat(w), pick3(a, 0, tables.rows[s, i], tables.columns, t, j))
+                    along = along + scale(splat(w), pick3(a, c, tables.rows[s, i], tables.columns, t, j))
             total = total + scale(load1(tables.column_weights, t, 0, j), along)
         return total
 

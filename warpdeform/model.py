@@ -98,10 +98,14 @@ class Model:
             self._targets[pairs[:, 0], pairs[:, 1]] = points
         return self._targets
 
-    def max_stretch(self, positions: Array) -> float:
-        """Longest edge over its rest length."""
-        stretched = (np.linalg.norm(np.diff(positions, axis=axis), axis=-1) for axis in (0, 1))
-        return float(max(np.max(s / rest) for s, rest in zip(stretched, self._rest_lengths, strict=True)))
+    def max_stretch(self, positions: wp.array) -> float:
+        """Longest edge over its rest length; positions as a component array (3, rows, columns)."""
+        inside = positions.numpy()[:, 1:-1, self.layout.halo : self.layout.halo + self.grid.nodes[1]]
+        worst = 0.0
+        for axis, rest in zip((1, 2), self._rest_lengths, strict=True):
+            edges = np.diff(inside, axis=axis)
+            worst = max(worst, float(np.max(np.einsum("cij,cij->ij", edges, edges) / rest**2)))
+        return float(np.sqrt(worst))
 
 
 def cell_areas(rest: Array) -> Array:

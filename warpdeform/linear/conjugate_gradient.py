@@ -15,8 +15,8 @@ class ConjugateGradient:
 
     Departs from the textbook in four points: it stops on sqrt(r.z), which is at hand and follows the energy error more
     closely than |r| (design 7.1); all vectors are masked, so that pinned nodes are not part of the system; p.Ap <= 0
-    ends the solve with what it has and is reported, instead of being assumed away; r.P r < 0 makes the preconditioner
-    more careful and starts afresh from where the solve has come to.
+    ends the solve with what it has and is reported, instead of being assumed away; the preconditioner may change
+    on the way, where r.P r < 0 or where it is on trial, and the solve starts afresh from where it has come to.
 
     Attributes:
         state: int32 (ACTIVE, ITERATIONS, BREAKDOWN) of :mod:`warpdeform.kernels.krylov`.
@@ -44,16 +44,18 @@ class ConjugateGradient:
 
     def solve(self) -> None:
         """Record one solve; starts from direction = 0 and uses `State.gradient`, which is masked."""
+        self.state.zero_()
+        self.preconditioner.begin(self.state)
         self.preconditioner.update()
         for state in self.operator.states:
             state.direction.zero_()
             self._lanes(state, "negate", state.gradient, state.residual)
-        self.state.zero_()
         self._precondition()
         for state in self.operator.states:
             wp.copy(state.search, state.conditioned)
         self._scalar("cg_start", self._scalars, self.state)
         wp.capture_while(self._active, self._iterate)
+        self.preconditioner.learn(self.state)
 
     def _iterate(self) -> None:
         self.operator.product()
@@ -67,18 +69,18 @@ class ConjugateGradient:
             self._lanes(state, "turn", self._scalars, state.conditioned, state.search)
 
     def _precondition(self) -> None:
-        """conditioned = P residual, by a more careful P where r.P r is negative."""
+        """conditioned = P residual, by another P where r.P r is negative or P was on trial for long enough."""
         self.preconditioner.apply()
         self._sums.gather_dots()
         if self.preconditioner.retreats:
-            self._scalar("judge_preconditioner", self.state)
+            self._scalar("judge_preconditioner", self._scalars, self.state)
             wp.capture_while(self._retreat, self._precondition_again)
 
     def _precondition_again(self) -> None:
-        self.preconditioner.retreat()
+        self.preconditioner.retreat(self.state)
         self.preconditioner.apply()
         self._sums.gather_dots()
-        self._scalar("judge_preconditioner", self.state)
+        self._scalar("judge_preconditioner", self._scalars, self.state)
 
     def _lanes(self, state: State, name: str, *inputs: wp.array) -> None:
         kernel = getattr(krylov(state.lane_width, state.real), name)

@@ -143,13 +143,9 @@ class Level:
         own += operator.blocks.capacity if operator.blocks is not None else 0
         return own + sum(term.bytes() for term in operator.terms) + coarse.bytes()
 
-    def update(self) -> None:
-        """Rebuild from terms that are linearised at `position` and from the operator's blocks, coarser grids too."""
-        if self._coarsest is not None:
-            self._coarsest.update(self._change, self._product)
-            return
-        body, operator, coarse = self._body, self._operator, self.coarse
-        assert coarse is not None
+    def update_blocks(self) -> None:
+        """Rebuild D^-1, and what a coarser grid feels of contact and pins, from terms linearised at `position`."""
+        body, operator = self._body, self._operator
         operator.start_blocks(self._elastic)
         operator.add_elastic_diagonal(self._elastic)
         if operator.blocks is not None:
@@ -161,14 +157,33 @@ class Level:
             if self._stiff:
                 self._launch("hold_pins", body.free, self._elastic, self._stiffening)
             operator.launch("invert_blocks", self._elastic, self.inverse)
+
+    def update_coarse(self) -> None:
+        """Rebuild the coarser grids, or the inverse where there are none; follows `update_blocks`."""
+        if self._coarsest is not None:
+            self._coarsest.update(self._change, self._product)
+            return
+        coarse = self.coarse
+        assert coarse is not None
         coarse._launch("carry", self.position, self._transfer.positions, coarse.position)
         for fine_term, coarse_term in self._pairs:
             coarse_term.linearise(coarse._body, coarse.position)
             fine_term.coarsen(self._transfer, coarse_term)
         if coarse._operator.blocks is not None:
             coarse._operator.start_blocks(coarse._operator.blocks)
-            coarse._launch("add_carried", self._stiffening, self._transfer.restrict, coarse._operator.blocks)
-        coarse.update()
+            coarse._launch("add_carried_blocks", self._stiffening, self._transfer.restrict, coarse._operator.blocks)
+        if coarse.coarse is not None:
+            coarse.update_blocks()
+        coarse.update_coarse()
+
+    def iteration_cost(self) -> float:
+        """Matrix-vector products on this grid that the cycle costs, coarser grids counted by their lane groups."""
+        if self.coarse is None:
+            return 1.0
+        rows, groups = self._body.layout.lane_dim
+        coarse_rows, coarse_groups = self.coarse._body.layout.lane_dim
+        share = coarse_rows * coarse_groups / (rows * groups)
+        return 2.0 * DEGREE + share * self.coarse.iteration_cost()
 
     def cycle(self, residual: wp.array) -> None:
         """One V-cycle from zero: `solution` becomes an approximation of A^-1 residual, shape (3, rows, columns)."""

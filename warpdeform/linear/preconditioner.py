@@ -2,6 +2,8 @@
 
 from typing import ClassVar
 
+import warp as wp
+
 from warpdeform.linear.operator import LinearOperator
 
 
@@ -10,10 +12,13 @@ class Preconditioner:
 
     name: ClassVar[str]
     retreats: ClassVar[bool] = False
-    """It is not positive definite by construction, and `retreat` makes it more so."""
+    """It may change during a solve."""
 
     def __init__(self, operator: LinearOperator) -> None:
         self.operator = operator
+
+    def begin(self, solver: wp.array) -> None:
+        """A solve begins; `solver` is its state (:mod:`warpdeform.kernels.krylov`)."""
 
     def update(self) -> None:
         """Rebuild from the operator at the new iterate."""
@@ -22,8 +27,11 @@ class Preconditioner:
         """conditioned = P residual on free nodes, and the partial sums of residual.conditioned into `State.dots`."""
         raise NotImplementedError
 
-    def retreat(self) -> None:
-        """Conjugate gradient has found r.P r <= 0: be more careful, if that is possible."""
+    def retreat(self, solver: wp.array) -> None:
+        """Change: the state of the solve says why."""
+
+    def learn(self, solver: wp.array) -> None:
+        """The solve has ended in this state."""
 
     def reset(self) -> None:
         """Forget what earlier steps have taught (host, at the start of a run)."""

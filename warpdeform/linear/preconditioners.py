@@ -2,17 +2,24 @@
 
 from collections.abc import Callable
 
+from warpdeform.linear.cheapest import Cheapest
 from warpdeform.linear.multigrid import Multigrid
 from warpdeform.linear.node_blocks import BlockJacobi, Jacobi, Unpreconditioned
 from warpdeform.linear.operator import LinearOperator
 from warpdeform.linear.preconditioner import Preconditioner
 
 PRECONDITIONERS: dict[str, Callable[[LinearOperator], Preconditioner]] = {
-    kind.name: kind for kind in (Unpreconditioned, Jacobi, BlockJacobi, Multigrid)
+    kind.name: kind for kind in (Unpreconditioned, Jacobi, BlockJacobi, Multigrid, Cheapest)
 }
 """The preconditioners by the name that scenes use."""
 
+MULTIGRID_FROM = 600
+"""Nodes of a body from which on multigrid pays."""
+
 
 def choose_preconditioner(name: str, operator: LinearOperator) -> Preconditioner:
-    """The preconditioner of that name; "auto" is the best one that there is."""
-    return PRECONDITIONERS[BlockJacobi.name if name == "auto" else name](operator)
+    """The preconditioner of that name; "auto" is block-Jacobi for small bodies and the cheapest for others."""
+    if name == "auto":
+        nodes = max(state.model.grid.node_count for state in operator.states)
+        name = Cheapest.name if nodes >= MULTIGRID_FROM else BlockJacobi.name
+    return PRECONDITIONERS[name](operator)
