@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warpdeform.kernels.krylov import ITERATIONS, SWITCH_AT, SWITCHED
+from warpdeform.kernels.krylov import ITERATIONS, STRICT, SWITCH_AT, SWITCHED
 from warpdeform.kernels.lanes import kernel_module
 
 # Entries of the caution with which multigrid works: which set of rates it takes, and whether it has been given up.
@@ -30,7 +30,7 @@ CYCLES = wp.constant(0)
 BLOCKS = wp.constant(1)
 COSTS = 2
 
-CHEAP = wp.constant(wp.float64(60.0))
+CHEAP = wp.constant(wp.float64(120.0))
 """A solve with multigrid that costs no more products than this is not worth a trial."""
 FIRST_WAIT = wp.constant(4)
 LONGEST_WAIT = wp.constant(128)
@@ -73,15 +73,16 @@ def choice() -> SimpleNamespace:
             solver_out[SWITCH_AT] = 0
         choice_out[TRIAL] = trial
         choice_out[PLAIN] = plain
+        solver_out[STRICT] = plain
 
     @wp.kernel(module=module)
     def change_method(
-        solver: wp.array(dtype=wp.int32),
         choice_out: wp.array(dtype=wp.int32),
         caution_out: wp.array(dtype=wp.int32),
+        solver_out: wp.array(dtype=wp.int32),
     ):
         """In a solve: the trial takes too long, so the other method ends it; or the cycle was not positive definite."""
-        if solver[SWITCHED] == 1 and choice_out[TRIAL] == 1:
+        if solver_out[SWITCHED] == 1 and choice_out[TRIAL] == 1:
             choice_out[PLAIN] = 1 - choice_out[PLAIN]
             choice_out[TRIAL] = 2
         else:
@@ -89,6 +90,7 @@ def choice() -> SimpleNamespace:
                 caution_out[GIVEN_UP] = 1
                 choice_out[PLAIN] = 1
             caution_out[RATES] = 1
+        solver_out[STRICT] = choice_out[PLAIN]
 
     @wp.kernel(module=module)
     def learn_cost(

@@ -51,7 +51,7 @@ class Cheapest(Preconditioner):
 
     def retreat(self, solver: wp.array) -> None:
         """End a trial that takes too long, or be more careful with the cycle."""
-        inputs = [solver, self._choice, self.multigrid.caution]
+        inputs = [self._choice, self.multigrid.caution, solver]
         wp.launch(choice().change_method, dim=1, inputs=inputs, device=self._device)
         wp.capture_if(self._plain, None, self.multigrid.update_coarse)
 
