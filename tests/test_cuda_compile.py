@@ -22,7 +22,7 @@ Compile = Callable[[list[wp.Kernel], int], bytes]
 
 VALUES: dict[Any, list[Any]] = {"width": [1], "real": [wp.float32, wp.float64], bool: [False, True]}
 """What is passed for the parameters of a factory, by name or by annotation."""
-WORDS_ONLY = {"lanes", "distances", "geometry"}
+WORDS_ONLY = {"lanes", "distances", "geometry", "transfers", "transfer_tables"}
 """Factories of device functions that have no kernel of their own."""
 
 PROBE = wp.get_module("warpdeform_probe")

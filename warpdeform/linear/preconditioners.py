@@ -13,7 +13,7 @@ PRECONDITIONERS: dict[str, Callable[[LinearOperator], Preconditioner]] = {
 }
 """The preconditioners by the name that scenes use."""
 
-MULTIGRID_FROM = 600
+MULTIGRID_FROM = 800
 """Nodes of a body from which on multigrid pays."""
 
 
