@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from warpdeform.study.bench.interpreter import Thread, plane_size, run_thread
+from warpdeform.study.bench.interpreter import Thread, run_thread
 
 LINE = 64
 """Bytes of a cache line: what a single entry far from the next one costs."""
@@ -110,7 +110,7 @@ def _components(launch: Launch, thread: Thread) -> Touched:
     """Components that go by lane groups: as many entries as the launch has lanes."""
     for position, component in sorted(thread.read | thread.written):
         array = launch.arguments[position]
-        entries = min(prod(launch.threads) * thread.width, plane_size(array))
+        entries = min(prod(launch.threads) * thread.width, prod(array.shape[1:]))
         accesses = ((position, component) in thread.read) + ((position, component) in thread.written)
         yield (position, component), entries * _item_size(array), accesses
 

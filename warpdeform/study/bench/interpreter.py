@@ -9,7 +9,6 @@ import inspect
 import types
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from math import prod
 from typing import Any
 
 import numpy as np
@@ -208,8 +207,3 @@ def _vector(length: int) -> Callable[..., Any]:
         return np.array(components or [0.0] * length, dtype=object)
 
     return vector
-
-
-def plane_size(array: wp.array) -> int:
-    """Entries of one component of a component array."""
-    return prod(array.shape[1:])
