@@ -3,6 +3,7 @@
 import json
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from warpdeform.study.bench import step_traffic
 from warpdeform.study.bench.counting import Work
 from warpdeform.study.bench.interpreter import UncountableError
 from warpdeform.study.bench.kernels import bench_kernels
-from warpdeform.study.bench.machine import describe, one_core, sentence
+from warpdeform.study.bench.machine import core_for, describe, one_core, sentence
 from warpdeform.study.bench.passes import PASSES, YARDSTICK, Sheet
 from warpdeform.study.bench.start import _COMPILED
 from warpdeform.study.bench.step import SIZES, bench_step
@@ -274,3 +275,13 @@ def test_targets_say_whether_they_are_met() -> None:
         "met   x: 0.4 s (limit 0.5)",
         "MISS  y: 0.6 s (limit 0.5)",
     ]
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="the system does not let a process choose its core")
+def test_a_gpu_keeps_all_cores() -> None:
+    before = os.sched_getaffinity(0)
+    with core_for(SimpleNamespace(is_cuda=True), min(before)) as core:
+        assert core is None
+        assert os.sched_getaffinity(0) == before
+    with core_for(SimpleNamespace(is_cuda=False), max(before)) as core:
+        assert os.sched_getaffinity(0) == {max(before)} == {core}

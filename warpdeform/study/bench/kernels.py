@@ -9,7 +9,7 @@ from typing import Any
 from warpdeform.device import find_device
 from warpdeform.model import LANE_WIDTHS
 from warpdeform.study.bench.counting import Work, count, recorded_launches
-from warpdeform.study.bench.machine import describe, one_core
+from warpdeform.study.bench.machine import core_for, describe
 from warpdeform.study.bench.passes import PASSES, YARDSTICK, Limit, Pass, Sheet
 from warpdeform.study.bench.sampling import Sample
 from warpdeform.study.bench.stream import Stream
@@ -130,7 +130,7 @@ def bench_kernels(
     found = find_device(device)
     widths = (1,) if found.is_cuda else (LANE_WIDTHS[precision], 1)
     machine, chosen = describe(), PASSES if passes is None else passes
-    with one_core(None if found.is_cuda else core):
+    with core_for(found, core):
         samples: list[_PassSample] = []
         streams: dict[tuple[int, int], Stream] = {}
         for nodes in sizes:

@@ -8,12 +8,10 @@ from typing import Any
 from warpdeform.device import find_device
 from warpdeform.scene import Override
 from warpdeform.scene.play import simulation_of
-from warpdeform.study.bench.machine import describe, one_core
+from warpdeform.study.bench.machine import core_for, describe
 from warpdeform.study.bench.runs import Runs, scene_of, time_runs
 from warpdeform.study.bench.table import Target, table, targets_lines
 
-SIZES = (16, 32, 64, 128, 256, 512, 1024)
-"""Nodes along each side."""
 REFERENCE = 64
 """Nodes along each side of the sheet whose cost per node the others are compared with."""
 LARGEST, MOST_GROWTH = 1024, 1.5
@@ -95,7 +93,7 @@ class Scaling:
 
 
 def bench_scaling(
-    sizes: Sequence[int] = SIZES,
+    sizes: Sequence[int],
     *,
     scene: str = "hanging",
     duration: float = 0.5,
@@ -124,15 +122,14 @@ def bench_scaling(
     values = {"scene.duration": duration, "solver.precision": precision, "solver.device": str(found)}
     scenes = {side: scene_of(scene, side, values, overrides) for side in sizes}
     runs: dict[int, Runs] = {}
-    with one_core(None if found.is_cuda else core) as chosen:
+    with core_for(found, core) as chosen:
         for side, built in scenes.items():
             said(f"{side} x {side}")
             steps = (built.frames - 1) * built.settings.substeps
             runs[side] = time_runs(simulation_of(built), steps, repeats=1, least_s=LEAST_S)
     reference = _cost(runs[REFERENCE]) if REFERENCE in runs else None
     costs = tuple(_summary(side, own, reference) for side, own in runs.items())
-    core = None if found.is_cuda else chosen
-    return Scaling(machine, scene, str(found), precision, core, duration, costs, _targets(costs, scene))
+    return Scaling(machine, scene, str(found), precision, chosen, duration, costs, _targets(costs, scene))
 
 
 def _cost(runs: Runs) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 from warpdeform.device import find_device
 from warpdeform.scene import Override
 from warpdeform.scene.play import simulation_of
-from warpdeform.study.bench.machine import describe, one_core
+from warpdeform.study.bench.machine import core_for, describe
 from warpdeform.study.bench.runs import Runs, scene_of, time_runs
 from warpdeform.study.bench.step_traffic import StepTraffic, copy_bandwidth, step_traffic
 from warpdeform.study.bench.table import Target, table, targets_lines
@@ -131,7 +131,7 @@ def bench_step(
         for iterations in newton
     ]
     times: list[StepTime] = []
-    with one_core(None if found.is_cuda else core) as chosen:
+    with core_for(found, core) as chosen:
         said("copies in device memory")
         copies = copy_bandwidth(found)
         for nodes, iterations, built in scenes:
@@ -141,8 +141,7 @@ def bench_step(
             runs = time_runs(simulation_of(built), steps, repeats=repeats)
             times.append(_summary(runs, nodes, iterations, traffic, copies))
     targets = _targets(times, scene, str(found))
-    core = None if found.is_cuda else chosen
-    return StepTimes(machine, scene, str(found), precision, core, repeats, copies, tuple(times), targets)
+    return StepTimes(machine, scene, str(found), precision, chosen, repeats, copies, tuple(times), targets)
 
 
 def _summary(runs: Runs, nodes: int, newton: int, traffic: StepTraffic | None, copies: float) -> StepTime:
