@@ -24,7 +24,7 @@ from warpdeform.study.bench.passes import PASSES, YARDSTICK, Sheet
 from warpdeform.study.bench.start import _COMPILED
 from warpdeform.study.bench.step import SIZES, bench_step
 from warpdeform.study.bench.stream import streams
-from warpdeform.study.bench.table import Target, table, targets_lines
+from warpdeform.study.bench.table import Target, table, targets_lines, three_digits
 from warpdeform.study.bench.yardstick import FLUXES, WEIGHTS, yardstick
 
 FEW = [each for each in PASSES if each.name in (YARDSTICK, "membrane flux", "membrane product")]
@@ -268,6 +268,10 @@ def test_tables_align() -> None:
         "| a long name |  1.25 |",
         "| b           | 10.50 |",
     ]
+
+
+def test_numbers_have_three_digits_and_no_exponent() -> None:
+    assert [three_digits(x) for x in (0.01234, 1.0, 999.4, 999.6, 12345.6)] == ["0.0123", "1", "999", "1000", "12346"]
 
 
 def test_targets_say_whether_they_are_met() -> None:

@@ -10,7 +10,7 @@ from warpdeform.scene import Override
 from warpdeform.scene.play import simulation_of
 from warpdeform.study.bench.machine import core_for, describe
 from warpdeform.study.bench.runs import Runs, scene_of, time_runs
-from warpdeform.study.bench.table import Target, table, targets_lines
+from warpdeform.study.bench.table import Target, table, targets_lines, three_digits
 
 REFERENCE = 64
 """Nodes along each side of the sheet whose cost per node the others are compared with."""
@@ -171,8 +171,8 @@ def _row(cost: SizeCost) -> list[str]:
         f"{cost.side} x {cost.side}",
         str(cost.runs),
         str(cost.steps),
-        f"{cost.fastest:.3g}",
-        f"{cost.median:.3g}",
+        three_digits(cost.fastest),
+        three_digits(cost.median),
         f"{cost.newton_per_step:.1f}",
         f"{cost.cg_per_step:.1f}",
         str(cost.cg_capped),

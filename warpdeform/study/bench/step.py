@@ -11,7 +11,7 @@ from warpdeform.scene.play import simulation_of
 from warpdeform.study.bench.machine import core_for, describe
 from warpdeform.study.bench.runs import Runs, scene_of, time_runs
 from warpdeform.study.bench.step_traffic import StepTraffic, copy_bandwidth, step_traffic
-from warpdeform.study.bench.table import Target, table, targets_lines
+from warpdeform.study.bench.table import Target, table, targets_lines, three_digits
 
 SCENE = "hanging"
 REAL_TIME_NODES = 64
@@ -185,7 +185,7 @@ def _row(run: StepTime) -> list[str]:
     return [
         f"{run.nodes} x {run.nodes}",
         str(run.newton) if run.newton else "to tolerance",
-        *(f"{number:.3g}" for number in numbers),
+        *map(three_digits, numbers),
         str(run.newton_iterations),
         str(run.cg_iterations),
         str(run.cg_capped),
