@@ -17,13 +17,21 @@ ALPHA = wp.constant(0)
 BETA = wp.constant(1)
 RZ = wp.constant(2)
 RZ_START = wp.constant(3)
-SOLVER_SCALARS = 4
+RZ_SWITCHED = wp.constant(4)
+SOLVER_SCALARS = 5
 
 # Entries of the solver's int32 state.
 ACTIVE = wp.constant(0)
 ITERATIONS = wp.constant(1)
 BREAKDOWN = wp.constant(2)
-SOLVER_STATE = 3
+RETREAT = wp.constant(3)
+RETREATS = wp.constant(4)
+RESTART = wp.constant(5)
+SWITCH_AT = wp.constant(6)
+SWITCHED = wp.constant(7)
+SOLVER_STATE = 8
+
+MOST_RETREATS = wp.constant(2)
 
 
 @functools.cache
@@ -238,6 +246,26 @@ def reductions() -> SimpleNamespace:
         return s
 
     @wp.kernel(module=module)
+    def judge_preconditioner(
+        rows: wp.array2d(dtype=wp.float64),
+        scalars_out: wp.array(dtype=wp.float64),
+        state_out: wp.array(dtype=wp.int32),
+    ):
+        """r.z < 0, or so many iterations that it should be another one: it is to change, the next direction is new."""
+        rz = row_sum(rows)
+        state_out[RETREAT] = 0
+        if rz < wp.float64(0.0) and state_out[RETREATS] < MOST_RETREATS:
+            state_out[RETREAT] = 1
+            state_out[RETREATS] = state_out[RETREATS] + 1
+        elif state_out[SWITCH_AT] > 0 and state_out[ITERATIONS] >= state_out[SWITCH_AT]:
+            state_out[RETREAT] = 1
+            state_out[SWITCH_AT] = 0
+            state_out[SWITCHED] = 1
+            scalars_out[RZ_SWITCHED] = rz
+        if state_out[RETREAT] == 1:
+            state_out[RESTART] = 1
+
+    @wp.kernel(module=module)
     def cg_start(
         rows: wp.array2d(dtype=wp.float64),
         scalars_out: wp.array(dtype=wp.float64),
@@ -248,6 +276,7 @@ def reductions() -> SimpleNamespace:
         scalars_out[RZ] = rz
         scalars_out[RZ_START] = rz
         state_out[ITERATIONS] = 0
+        state_out[RESTART] = 0
         state_out[ACTIVE] = wp.where(rz > wp.float64(0.0), 1, 0)
         state_out[BREAKDOWN] = wp.where(wp.isfinite(rz), 0, 1)
 
@@ -273,9 +302,16 @@ def reductions() -> SimpleNamespace:
         scalars_out: wp.array(dtype=wp.float64),
         state_out: wp.array(dtype=wp.int32),
     ):
-        """beta = new r.z / old r.z, and the stop test sqrt(r.z) <= tolerance * first sqrt(r.z)."""
+        """beta = new r.z / old r.z (0 after a retreat), and the stop test sqrt(r.z) <= tolerance * first sqrt(r.z)."""
         rz = row_sum(rows)
         scalars_out[BETA] = rz / scalars_out[RZ]
+        if state_out[RESTART] == 1:
+            scalars_out[BETA] = wp.float64(0.0)
+        if state_out[SWITCHED] == 1:
+            # What has been reached so far counts, in the measure of the new preconditioner.
+            scalars_out[RZ_START] = scalars_out[RZ_START] * rz / scalars_out[RZ_SWITCHED]
+            state_out[SWITCHED] = 0
+        state_out[RESTART] = 0
         scalars_out[RZ] = rz
         state_out[ITERATIONS] = state_out[ITERATIONS] + 1
         if not (rz >= wp.float64(0.0)) or not wp.isfinite(rz):
@@ -290,6 +326,7 @@ def reductions() -> SimpleNamespace:
         max_rows=max_rows,
         total=total,
         greatest=greatest,
+        judge_preconditioner=judge_preconditioner,
         cg_start=cg_start,
         cg_step=cg_step,
         cg_turn=cg_turn,

@@ -10,14 +10,15 @@ Names: ``L`` one real per lane, ``V`` a 3-vector per lane, ``S`` a symmetric 3 x
 """
 
 import functools
+import platform
 from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
 
 WORDS = frozenset(
-    "L V S load1 load3 load6 store1 store3 store6 splat mul div root at_least sum_lanes max_lanes "
-    "dot3 cross3 scale scale6 outer symmetric isotropic apply6 inverse6".split()
+    "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 splat mul div root at_least sum_lanes max_lanes "
+    "dot3 cross3 scale scale6 vector outer symmetric isotropic apply6 inverse6".split()
 )
 NATIVE = {wp.float32: "float", wp.float64: "double"}
 
@@ -25,10 +26,15 @@ NATIVE = {wp.float32: "float", wp.float64: "double"}
 def kernel_module(name: str, width: int, real: Any) -> Any:
     """The Warp module that holds the kernels `name` for one lane width and precision.
 
-    Modules are separate so that only what a scene requires is compiled, and none keeps adjoint code.
+    Modules are separate so that only what a scene requires is compiled, and none keeps adjoint code. Warp's compiler
+    aligns the CPU's stack to 16 bytes; aligned anew, 32-byte spills do not straddle cache lines (products 1.1 to 1.3
+    times as fast).
     """
     module = wp.get_module(f"warpdeform_{name}_{real.__name__}_{width}")
-    module.options.update({"enable_backward": False})
+    options: dict[str, Any] = {"enable_backward": False}
+    if platform.machine() in ("x86_64", "AMD64"):
+        options["cpu_compiler_flags"] = f"{wp.config.cpu_compiler_flags} -mstackrealign"
+    module.options.update(options)
     return module
 
 
@@ -88,6 +94,16 @@ def _scalar_words(real: Any) -> SimpleNamespace:
         return S(a[c, i, j], a[c + 1, i, j], a[c + 2, i, j], a[c + 3, i, j], a[c + 4, i, j], a[c + 5, i, j])
 
     @wp.func
+    def pick1(a: wp.array3d(dtype=real), c: int, i: int, columns: wp.array2d(dtype=wp.int32), t: int, j: int):
+        """Component c of row i at the columns that row t of a table names for the lane group."""
+        return a[c, i, columns[t, j]]
+
+    @wp.func
+    def pick3(a: wp.array3d(dtype=real), c: int, i: int, columns: wp.array2d(dtype=wp.int32), t: int, j: int):
+        k = columns[t, j]
+        return V(a[c, i, k], a[c + 1, i, k], a[c + 2, i, k])
+
+    @wp.func
     def store1(a: wp.array3d(dtype=real), c: int, i: int, j: int, x: real):
         a[c, i, j] = x
 
@@ -141,6 +157,10 @@ def _scalar_words(real: Any) -> SimpleNamespace:
     @wp.func
     def scale(s: real, a: V):
         return V(s * a[0], s * a[1], s * a[2])
+
+    @wp.func
+    def vector(x: real, y: real, z: real):
+        return V(x, y, z)
 
     @wp.func
     def scale6(s: real, a: S):
@@ -226,6 +246,11 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
     def store(n: int) -> str:
         return lane_vector + "".join(f"{place(k)} = {row('v', k)}; " for k in range(n))
 
+    def pick_row(member: str, k: int) -> str:
+        """Code that picks the lanes of a row of the result out of component c0 + k."""
+        start = f"const {rn}* row = &wp::index(a, c0 + {k}, i, 0); const int* column = &wp::index(columns, t, j);"
+        return f"{{ {start} {each} r.{member}[k] = row[column[k]]; }} "
+
     def products(k: int, m: int) -> str:
         return f"{row('a', k)} * {row('b', m)}"
 
@@ -241,6 +266,12 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
 
     @wp.func_native(rows(mat6, *(place(k) for k in range(6))))
     def load6(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> S: ...
+
+    @wp.func_native(f"{vec} r; {pick_row('c', 0)}return r;")
+    def pick1(a: wp.array3d(dtype=real), c0: int, i: int, columns: wp.array2d(dtype=wp.int32), t: int, j: int) -> L: ...
+
+    @wp.func_native(f"{mat3} r; {''.join(pick_row(f'data[{k}]', k) for k in range(3))}return r;")
+    def pick3(a: wp.array3d(dtype=real), c0: int, i: int, columns: wp.array2d(dtype=wp.int32), t: int, j: int) -> V: ...
 
     @wp.func_native(f"{lane_vector}{place(0)} = {one('v')};")
     def store1(a: wp.array3d(dtype=real), c0: int, i: int, j: int, v: L): ...
@@ -281,6 +312,9 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
 
     @wp.func_native(rows(mat3, *(f"{one('s')} * {row('a', k)}" for k in range(3))))
     def scale(s: L, a: V) -> V: ...
+
+    @wp.func_native(rows(mat3, one("x"), one("y"), one("z")))
+    def vector(x: L, y: L, z: L) -> V: ...
 
     @wp.func_native(rows(mat6, *(f"{one('s')} * {row('a', k)}" for k in range(6))))
     def scale6(s: L, a: S) -> S: ...

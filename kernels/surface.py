@@ -19,7 +19,8 @@ Bending, with unit normal n and second difference s of the positions along an ax
     b = n.s,    delta b = n.(delta s - Gamma^k delta r_k),    Gamma^k = G^kl r_l.s
 
 b11, b22 at the nodes with n from central differences (one-sided at a border), b12 at the cells with n along
-m1 x m2 = E x D / 2; energies (b - b0)' K (b - b0)/2. All differences are undivided: K carries the spacings.
+m1 x m2 = E x D / 2; energies (b - b0)' K (b - b0)/2. All differences are undivided: K carries the spacings. On charts
+whose axes are not orthogonal :mod:`warpdeform.kernels.surface_coupling` adds what couples b12 to b11 and b22.
 
 The Hessian is projected: Gauss-Newton part exact; tension of each pair of edges (their mean: its variation within a
 cell would cost 12 % more operations and changes the rate of convergence only) and shear stress clipped to what is
@@ -68,13 +69,13 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
         ``energy_nodes``, ``measure_membrane`` and ``measure_bending``.
     """
     words, shape = lanes(width, real), geometry(width, real, orthogonal)
-    L = words.L
     load1, load3, store1, store3 = words.load1, words.load3, words.store1, words.store3
-    add3, along_u, sum_lanes = words.add3, words.along_u, words.sum_lanes
+    add3, sum_lanes = words.add3, words.sum_lanes
     dot3, scale, mul, at_least, splat = words.dot3, words.scale, words.mul, words.at_least, words.splat
     diagonals, stress, strains = shape.diagonals, shape.stress, shape.strains
     unit_normal, christoffel = shape.unit_normal, shape.christoffel
     tangent_u, tangent_v, second_u, second_v = shape.tangent_u, shape.tangent_v, shape.second_u, shape.second_v
+    flexed, store_scatter = shape.flexed, shape.store_scatter
     zero, half, two = real(0.0), real(0.5), real(2.0)
     module = kernel_module(f"surface_{variant_name(orthogonal, bending)}", width, real)
 
@@ -159,23 +160,6 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
         store3(flux_out, 3, i, j, fe)
         store3(flux_out, 6, i, j, fx)
 
-    @wp.func
-    def store_scatter(
-        scatter: wp.array3d(dtype=real),
-        alpha_u: wp.array3d(dtype=real),
-        alpha_v: wp.array3d(dtype=real),
-        i: int,
-        j: int,
-        moment1: L,
-        moment2: L,
-        g1: L,
-        g2: L,
-    ):
-        store1(scatter, 0, i, j, moment1 - mul(g1, along_u(alpha_u, 0, i)))
-        store1(scatter, 1, i, j, moment1 + mul(g1, along_u(alpha_u, 1, i)))
-        store1(scatter, 2, i, j, moment2 - mul(g2, load1(alpha_v, 0, 0, j)))
-        store1(scatter, 3, i, j, moment2 + mul(g2, load1(alpha_v, 1, 0, j)))
-
     @wp.kernel(module=module)
     def stress_nodes(
         r: wp.array3d(dtype=real),
@@ -217,16 +201,9 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
     ):
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        n, p0 = load3(flexure, 0, i, j), load3(p, 0, i, j)
-        # Components along n of the differences to the four neighbours.
-        up, um = dot3(n, load3(p, 0, i + 1, j) - p0), dot3(n, p0 - load3(p, 0, i - 1, j))
-        vp, vm = dot3(n, load3(p, 0, i, j + 1) - p0), dot3(n, p0 - load3(p, 0, i, j - 1))
-        d1 = mul(along_u(alpha_u, 0, i), up) + mul(along_u(alpha_u, 1, i), um)
-        d2 = mul(load1(alpha_v, 0, 0, j), vp) + mul(load1(alpha_v, 1, 0, j), vm)
+        e1, e2 = flexed(flexure, alpha_u, alpha_v, p, i, j)
         g111, g211 = load1(flexure, 3, i, j), load1(flexure, 4, i, j)
         g122, g222 = load1(flexure, 5, i, j), load1(flexure, 6, i, j)
-        e1 = (up - um) - mul(g111, d1) - mul(g211, d2)
-        e2 = (vp - vm) - mul(g122, d1) - mul(g222, d2)
         k12 = load1(KB, 1, i, j)
         moment1 = mul(load1(KB, 0, i, j), e1) + mul(k12, e2)
         moment2 = mul(k12, e1) + mul(load1(KB, 2, i, j), e2)

@@ -24,7 +24,7 @@ def geometry(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
     """
     words = lanes(width, real)
     L, V = words.L, words.V
-    load1, load3, along_u = words.load1, words.load3, words.along_u
+    load1, load3, store1, along_u = words.load1, words.load3, words.store1, words.along_u
     dot3, cross3, scale, mul, div = words.dot3, words.cross3, words.scale, words.mul, words.div
     root, at_least, splat = words.root, words.at_least, words.splat
     half, one = real(0.5), real(1.0)
@@ -115,6 +115,44 @@ def geometry(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         r0 = load3(r, 0, i, j)
         return (load3(r, 0, i, j + 1) - r0) - (r0 - load3(r, 0, i, j - 1))
 
+    @wp.func
+    def flexed(
+        flexure: wp.array3d(dtype=real),
+        alpha_u: wp.array3d(dtype=real),
+        alpha_v: wp.array3d(dtype=real),
+        p: wp.array3d(dtype=real),
+        i: int,
+        j: int,
+    ):
+        """Changes of b11 and b22 under the displacement p, linearised."""
+        n, p0 = load3(flexure, 0, i, j), load3(p, 0, i, j)
+        # Components along n of the differences to the four neighbours.
+        up, um = dot3(n, load3(p, 0, i + 1, j) - p0), dot3(n, p0 - load3(p, 0, i - 1, j))
+        vp, vm = dot3(n, load3(p, 0, i, j + 1) - p0), dot3(n, p0 - load3(p, 0, i, j - 1))
+        d1 = mul(along_u(alpha_u, 0, i), up) + mul(along_u(alpha_u, 1, i), um)
+        d2 = mul(load1(alpha_v, 0, 0, j), vp) + mul(load1(alpha_v, 1, 0, j), vm)
+        return (
+            (up - um) - mul(load1(flexure, 3, i, j), d1) - mul(load1(flexure, 4, i, j), d2),
+            (vp - vm) - mul(load1(flexure, 5, i, j), d1) - mul(load1(flexure, 6, i, j), d2),
+        )
+
+    @wp.func
+    def store_scatter(
+        scatter: wp.array3d(dtype=real),
+        alpha_u: wp.array3d(dtype=real),
+        alpha_v: wp.array3d(dtype=real),
+        i: int,
+        j: int,
+        moment1: L,
+        moment2: L,
+        g1: L,
+        g2: L,
+    ):
+        store1(scatter, 0, i, j, moment1 - mul(g1, along_u(alpha_u, 0, i)))
+        store1(scatter, 1, i, j, moment1 + mul(g1, along_u(alpha_u, 1, i)))
+        store1(scatter, 2, i, j, moment2 - mul(g2, load1(alpha_v, 0, 0, j)))
+        store1(scatter, 3, i, j, moment2 + mul(g2, load1(alpha_v, 1, 0, j)))
+
     return SimpleNamespace(
         diagonals=diagonals,
         stress=stress,
@@ -125,4 +163,6 @@ def geometry(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         tangent_v=tangent_v,
         second_u=second_u,
         second_v=second_v,
+        flexed=flexed,
+        store_scatter=store_scatter,
     )

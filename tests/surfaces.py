@@ -5,7 +5,7 @@ sample at a time; derivatives of it are taken by complex steps, which are exact 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -68,13 +68,10 @@ SHAPES: dict[str, Callable[[tuple[int, int]], RestShape]] = {
     "bump": bump,
     "parallelogram": parallelogram,
 }
-CASES = [
-    (shape, material)
-    for shape in SHAPES
-    for material in MATERIALS
-    if shape != "parallelogram" or material in ("membrane", "paper-membrane")
-]
-"""Every shape with every material; bending refuses the parallelogram."""
+CASES = [(shape, material) for shape in SHAPES for material in MATERIALS]
+"""Every shape with every material; bump and parallelogram couple b12 to b11 and b22."""
+CORNERS = ((0, 0), (1, 0), (0, 1), (1, 1))
+"""Offsets (di, dj) of a cell's corners 00, 10, 01, 11."""
 
 
 def spacing(rest: Array) -> float:
@@ -186,26 +183,52 @@ def bending_numbers(r: Array) -> tuple[Array, Array]:
     return b, dot(unit(np.cross(*mean_edges(r))), r[:-1, :-1] - r[1:, :-1] - r[:-1, 1:] + r[1:, 1:])
 
 
+def corner_numbers(b: Array, b12: Array) -> Array:
+    """(b11, b22, b12) as the corners 00, 10, 01, 11 of the cells see them, shape (nu - 1, nv - 1, 4, 3)."""
+    nu, nv = b.shape[:2]
+    at_corners = np.stack([b[di : nu - 1 + di, dj : nv - 1 + dj] for di, dj in CORNERS], axis=2)
+    return np.concatenate([at_corners, np.broadcast_to(b12[..., None, None], (*b12.shape, 4, 1))], axis=-1)
+
+
+def existing(nodes: tuple[int, int]) -> Array:
+    """Whether the corners of the cells have b11, b22, b12, shape (nu - 1, nv - 1, 4, 3)."""
+    inside = np.meshgrid(*(np.isin(np.arange(n), (0, n - 1), invert=True) for n in nodes), indexing="ij")
+    return corner_numbers(np.stack(inside, axis=-1), np.ones((nodes[0] - 1, nodes[1] - 1), dtype=bool))
+
+
+def node_weights(corners: Array) -> Array:
+    """What weights at the corners of the cells, shape (nu - 1, nv - 1, 4, 3, 3), add to the nodes' of (b11, b22)."""
+    nu, nv = corners.shape[0] + 1, corners.shape[1] + 1
+    weights = np.zeros((nu, nv, 2, 2))
+    for corner, (di, dj) in enumerate(CORNERS):
+        weights[di : nu - 1 + di, dj : nv - 1 + dj] += corners[:, :, corner, :2, :2]
+    return weights
+
+
 @dataclass
 class DiscreteEnergy:
-    """An energy of those numbers: any quadratic `membrane` of the change of the cells' five, and bending weights.
+    """An energy of those numbers: any quadratic `membrane` of the change of the cells' five, and weights of bending.
 
     Attributes:
         rest: Rest positions, shape (nu, nv, 3).
         membrane: Energy per cell from the change of its five numbers since rest.
         bending: Weights of (b11, b22), shape (nu, nv, 2, 2), or zeros (2, 2).
         twist: Weights of b12, shape (nu - 1, nv - 1), or 0.
+        corners: Weights of (b11, b22, b12) at the cells' corners, shape (nu - 1, nv - 1, 4, 3, 3), or zeros (3, 3).
     """
 
     rest: Array
     membrane: Callable[[Array], Array]
     bending: Array
     twist: Array
+    corners: Array = field(default_factory=lambda: np.zeros((3, 3)))
 
     def energy(self, r: Array) -> Any:
         (b, c), (b0, c0) = bending_numbers(r), bending_numbers(self.rest)
         density = self.membrane(membrane_numbers(r) - membrane_numbers(self.rest)) + self.twist * (c - c0) ** 2 / 2
-        return density.sum() + np.einsum("...a,...ab,...b->...", b - b0, self.bending, b - b0).sum() / 2
+        mixed = corner_numbers(b - b0, c - c0)
+        mixed = np.einsum("...a,...ab,...b->...", mixed, self.corners, mixed)
+        return density.sum() + (np.einsum("...a,...ab,...b->...", b - b0, self.bending, b - b0).sum() + mixed.sum()) / 2
 
     def slope(self, r: Array, p: Array) -> float:
         """Derivative of the energy at r along p, by a complex step."""
@@ -235,7 +258,9 @@ class DiscreteEnergy:
         bends = [bending_numbers(z) for z in complex_steps]
         B, C = (np.array([b[k].imag for b in bends]) * 1e30 for k in (0, 1))
         H += np.einsum("pija,ijab,qijb->pq", B, self.bending + np.zeros((*B.shape[1:], 2)), B)
-        return np.asarray(H + np.einsum("pij,ij,qij->pq", C, self.twist + np.zeros(C.shape[1:]), C))
+        H += np.einsum("pij,ij,qij->pq", C, self.twist + np.zeros(C.shape[1:]), C)
+        M = np.array([corner_numbers(b, c) for b, c in zip(B, C, strict=True)])
+        return np.asarray(H + np.einsum("pijca,ijcab,qijcb->pq", M, self.corners + np.zeros((*M.shape[1:], 3)), M))
 
     def _positive_stresses(self, stress: Array) -> Array:
         """Tension of each pair of edges (their mean) on both; shear S as (S/4)|dm1 + dm2|^2 or (|S|/4)|dm1 - dm2|^2."""
@@ -255,7 +280,7 @@ class DiscreteEnergy:
 
 
 def design_energy(shape: RestShape, material: Material) -> DiscreteEnergy:
-    """Design 1.3 for a material, orthogonal and skewed charts alike (bending: orthogonal)."""
+    """Design 1.3 for a material, orthogonal and skewed charts alike."""
     rest, weights = shape.positions, material.surface()
     if isinstance(weights, PaperWeights):
         return _paper_energy(shape, weights)
@@ -278,6 +303,8 @@ def design_energy(shape: RestShape, material: Material) -> DiscreteEnergy:
 
     if not weights.bending.any():
         return DiscreteEnergy(rest, membrane, np.zeros((2, 2)), np.zeros(()))
+    if np.abs(g12).max() > 1e-9 * g11.max():
+        return DiscreteEnergy(rest, membrane, np.zeros((2, 2)), np.zeros(()), _corner_weights(F, area, weights.bending))
     nodes = np.zeros((*shape.nodes, 2, 2))
     share = np.zeros(shape.nodes)
     for corner in (np.s_[:-1, :-1], np.s_[1:, :-1], np.s_[:-1, 1:], np.s_[1:, 1:]):
@@ -290,6 +317,24 @@ def design_energy(shape: RestShape, material: Material) -> DiscreteEnergy:
     nodes *= share[..., None, None] / (G[..., :, None] * G[..., None, :])
     # D (1 - nu) B12^2 is 2 D33 B12^2, where D33 belongs to the doubled k12.
     return DiscreteEnergy(rest, membrane, nodes, 4 * weights.bending[2, 2] * area / (g11 * g22))
+
+
+def _corner_weights(F: Array, area: Array, bending: Array) -> Array:
+    """Skewed charts: a quarter of each cell's area times C, with the entries that a corner lacks condensed out."""
+    units = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]]])
+    inverse = np.linalg.inv(F)
+    k = np.einsum("...ai,nij,...bj->...nab", inverse, units, inverse)
+    voigt = np.stack([k[..., 0, 0], k[..., 1, 1], 2 * k[..., 0, 1]], -1)
+    C = area[..., None, None] / 4 * np.einsum("...na,ab,...mb->...nm", voigt, bending, voigt)
+    exists = existing((area.shape[0] + 1, area.shape[1] + 1))
+    weights = np.zeros((*exists.shape, 3))
+    for i, j, corner in np.ndindex(exists.shape[:3]):
+        kept, lost = np.flatnonzero(exists[i, j, corner]), np.flatnonzero(~exists[i, j, corner])
+        full = C[i, j]
+        across = full[np.ix_(kept, lost)]
+        rest = full[np.ix_(kept, kept)] - across @ np.linalg.pinv(full[np.ix_(lost, lost)]) @ across.T
+        weights[i, j, corner][np.ix_(kept, kept)] = rest
+    return weights
 
 
 def _paper_energy(shape: RestShape, weights: PaperWeights) -> DiscreteEnergy:

@@ -5,6 +5,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+MOST_GROWTH = 2.2
+"""Largest growth of the spacing from a grid of a multigrid hierarchy to the next."""
+
 
 @dataclass(frozen=True)
 class ParameterGrid:
@@ -30,6 +33,37 @@ class ParameterGrid:
     def node_count(self) -> int:
         """Number of nodes."""
         return self.nodes[0] * self.nodes[1]
+
+    def coarser(self, lengths: tuple[float, float]) -> "ParameterGrid | None":
+        """The next grid of a multigrid hierarchy: half as fine on every axis worth coarsening.
+
+        Those are the axes with more than three nodes (periodic: four) that are spaced less than twice as far as the
+        closest of them, so that stretched grids grow square before they grow coarse (design 7.1). Nodes stay equally
+        spaced, so that the kernels of the fine grid serve the coarse one; they need not coincide with fine nodes. Half
+        the nodes, rounded up, keep whole lane groups whole (64, 32, 16); where that would widen the spacing by more
+        than `MOST_GROWTH` it is half the cells, rounded up.
+
+        Args:
+            lengths: Mean distance of neighbours along each axis [m].
+
+        Returns:
+            The coarser grid, or None if no axis can be coarsened.
+        """
+        open_axes = [n > (4 if p else 3) for n, p in zip(self.nodes, self.periodic, strict=True)]
+        if not any(open_axes):
+            return None
+        limit = 2.0 * min(length for length, is_open in zip(lengths, open_axes, strict=True) if is_open)
+        nodes, spacing = [], []
+        for axis, cells in enumerate(self.cells):
+            halve = open_axes[axis] and lengths[axis] < limit
+            fewer = cells
+            if halve:
+                fewer = -(-self.nodes[axis] // 2) - (0 if self.periodic[axis] else 1)
+                if cells > MOST_GROWTH * fewer:
+                    fewer = -(-cells // 2)
+            nodes.append(fewer + (0 if self.periodic[axis] else 1))
+            spacing.append(self.spacing[axis] * cells / fewer)
+        return ParameterGrid((nodes[0], nodes[1]), (spacing[0], spacing[1]), self.periodic)
 
     def parameters(self) -> NDArray[np.float64]:
         """Material coordinates of the nodes, scaled to 0..1 along each axis, shape (nu, nv, 2)."""

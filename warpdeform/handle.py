@@ -156,7 +156,7 @@ class BodyHandle:
 
     def max_stretch(self) -> float:
         """Longest edge over its rest length."""
-        return self.model.max_stretch(self.positions())
+        return self.model.max_stretch(self.state.x)
 
     def add_energies(self, energy: Energy) -> None:
         """Add this body's energies [J] to `energy`."""

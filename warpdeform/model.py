@@ -28,6 +28,8 @@ class Model:
         initial_positions: Node positions at the start [m], shape (nu, nv, 3).
         node_mass: Node masses [kg], shape (nu, nv).
         spacing: Smallest rest length of an edge [m].
+        lengths: Mean rest lengths of the edges along u and v [m].
+        has_pins: Some nodes are pinned.
         mass: Node masses [kg] on the device, shape (1, rows, columns).
         area: Trapezoid shares of the rest area [m2], shape (1, rows, columns).
         free: 1 at free nodes, 0 at pinned ones and outside, shape (1, rows, columns).
@@ -55,11 +57,13 @@ class Model:
         self.node_mass = body.material.surface().areal_density * node_area
         lengths = [np.linalg.norm(np.diff(rest, axis=axis), axis=-1) for axis in (0, 1)]
         self.spacing = float(min(length.min() for length in lengths))
+        self.lengths = (float(lengths[0].mean()), float(lengths[1].mean()))
         self._rest_lengths = lengths
         free = np.ones(body.nodes)
         self._pinned = [(pin, select_nodes(pin.nodes, body.nodes)) for pin in body.pins]
         for _, pairs in self._pinned:
             free[pairs[:, 0], pairs[:, 1]] = 0.0
+        self.has_pins = bool(self._pinned)
         self.mass = self.upload(self.node_mass)
         self.area = self.upload(node_area)
         self.free = self.upload(free)
@@ -94,10 +98,14 @@ class Model:
             self._targets[pairs[:, 0], pairs[:, 1]] = points
         return self._targets
 
-    def max_stretch(self, positions: Array) -> float:
-        """Longest edge over its rest length."""
-        stretched = (np.linalg.norm(np.diff(positions, axis=axis), axis=-1) for axis in (0, 1))
-        return float(max(np.max(s / rest) for s, rest in zip(stretched, self._rest_lengths, strict=True)))
+    def max_stretch(self, positions: wp.array) -> float:
+        """Longest edge over its rest length; positions as a component array (3, rows, columns)."""
+        inside = positions.numpy()[:, 1:-1, self.layout.halo : self.layout.halo + self.grid.nodes[1]]
+        worst = 0.0
+        for axis, rest in zip((1, 2), self._rest_lengths, strict=True):
+            edges = np.diff(inside, axis=axis)
+            worst = max(worst, float(np.max(np.einsum("cij,cij->ij", edges, edges) / rest**2)))
+        return float(np.sqrt(worst))
 
 
 def cell_areas(rest: Array) -> Array:

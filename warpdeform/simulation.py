@@ -173,12 +173,13 @@ class Simulation:
         self._rewind()
 
     def _rewind(self) -> None:
-        """State, pins and terms as they are at the start."""
+        """State, pins, terms and what the solver has learnt as they are at the start."""
         self._solver.prepare(self.integrator.stage(self.dt, None), 0.0, self.dt)
         for handle in self.bodies:
             handle.state.reset()
             for term in handle.terms:
                 term.reset()
+        self._solver.preconditioner.reset()
 
     def _failure(self, time: float) -> SimulationFailure:
         for handle in self.bodies:

@@ -1,10 +1,22 @@
 """K, bending weights, areas and floors of a surface against the energy that design 1.3 prints."""
 
+import functools
 from typing import Any
 
 import numpy as np
 import pytest
-from surfaces import CASES, GRIDS, MATERIALS, SHAPES, design_energy, mean_edges, membrane_numbers, parallelogram
+from surfaces import (
+    CASES,
+    GRIDS,
+    MATERIALS,
+    SHAPES,
+    design_energy,
+    existing,
+    mean_edges,
+    membrane_numbers,
+    node_weights,
+    parallelogram,
+)
 
 from warpdeform.errors import InputError
 from warpdeform.forces.surface_coefficients import SurfaceStiffness, surface_stiffness
@@ -49,14 +61,23 @@ def test_coefficients_give_the_energy_of_the_design(shape: str, material: str, n
     np.testing.assert_allclose(np.einsum("...a,...ab,...b->...", q, K, q) / 2, expected, rtol=1e-12)
     assert np.linalg.eigvalsh(K).min() > 0
     if stiffness.bending is None or stiffness.twist is None:
-        assert stiffness.bending is stiffness.twist is None
+        assert stiffness.bending is stiffness.twist is stiffness.coupling is None
         assert not design.bending.any()
-    else:
+        assert not design.corners.any()
+    elif stiffness.coupling is None:
+        assert not design.corners.any()
         inside = [np.isin(np.arange(n), (0, n - 1), invert=True) for n in nodes]
         in_u, in_v = np.meshgrid(*inside, indexing="ij")
         weights = design.bending[..., [0, 0, 1], [0, 1, 1]] * np.stack([in_u, in_u & in_v, in_v], axis=-1)
         np.testing.assert_allclose(stiffness.bending, weights, rtol=1e-12)
         np.testing.assert_allclose(stiffness.twist, np.broadcast_to(design.twist, stiffness.twist.shape), rtol=1e-12)
+    else:
+        scale = np.abs(design.corners).max()
+        nodal, mixed = node_weights(design.corners), design.corners[..., :2, 2].swapaxes(-1, -2)
+        assert_close = functools.partial(np.testing.assert_allclose, rtol=1e-12, atol=1e-12 * scale)
+        assert_close(stiffness.bending, nodal[..., [0, 0, 1], [0, 1, 1]])
+        assert_close(stiffness.twist, design.corners[..., 2, 2].sum(axis=-1))
+        assert_close(stiffness.coupling, mixed.reshape(stiffness.coupling.shape))
     area = np.linalg.norm(np.cross(*mean_edges(rest.positions)), axis=-1)
     np.testing.assert_allclose(stiffness.cell_area, area, rtol=1e-12)
     assert stiffness.node_area.sum() == pytest.approx(area.sum(), rel=1e-12)
@@ -80,16 +101,65 @@ def test_six_entries_only_where_six_suffice(shape: str, material: str, orthogona
 
 def test_round_off_of_the_rest_shape_does_not_cost_the_fast_kernels() -> None:
     rest = sheet((50, 70), (1.0, 1.3)).positions + 1e-15 * np.random.default_rng(0).normal(size=(50, 70, 3))
-    assert stiffness_of(from_array(rest), MATERIALS["orthotropic"]).orthogonal
+    stiffness = stiffness_of(from_array(rest), MATERIALS["orthotropic"])
+    assert stiffness.orthogonal
+    assert stiffness.coupling is None
 
 
-def test_bending_refuses_a_skewed_chart_and_names_the_angle() -> None:
-    with pytest.raises(InputError, match=r"shape = 60.0: .*between the axes.*orthogonal axes, or a material without"):
-        stiffness_of(parallelogram((4, 5), 30.0), MATERIALS["isotropic"])
-    with pytest.raises(InputError, match="between the axes"):
-        stiffness_of(parallelogram((4, 5), 30.0), MATERIALS["paper"])
-    assert stiffness_of(parallelogram((4, 5), 5.0), MATERIALS["isotropic"]).bending is not None
-    assert stiffness_of(parallelogram((4, 5), 60.0), MATERIALS["membrane"]).bending is None
+@pytest.mark.parametrize(
+    ("shape", "material", "coupled"),
+    [
+        ("flat", "orthotropic", False),
+        ("arc", "isotropic", False),
+        ("fan", "isotropic", False),
+        ("bump", "isotropic", True),
+        ("parallelogram", "shell", True),
+        ("parallelogram", "paper", False),
+        ("parallelogram", "membrane", False),
+    ],
+)
+def test_skew_couples_curvatures_and_the_papers_weights_do_not(shape: str, material: str, coupled: bool) -> None:
+    assert (stiffness_of(SHAPES[shape]((6, 9)), MATERIALS[material]).coupling is not None) is coupled
+
+
+@pytest.mark.parametrize("degrees", [-70.0, 5.0, 45.0])
+def test_coupled_bending_is_the_printed_formula(degrees: float) -> None:
+    nu, E, h = 0.3, 1e6, 0.2
+    rest = parallelogram((5, 6), degrees)
+    D = E * h**3 / (12 * (1 - nu**2))
+    m1, m2 = (m[0, 0] for m in mean_edges(rest.positions))
+    G = np.array([[m1 @ m1, m1 @ m2], [m1 @ m2, m2 @ m2]])
+    raised = [np.linalg.solve(G, T) for T in ([[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]])]
+    C = [[D * (nu * np.trace(a) * np.trace(b) + (1 - nu) * np.trace(a @ b)) for b in raised] for a in raised]
+    C = np.sqrt(np.linalg.det(G)) / 4 * np.array(C)
+    stiffness = stiffness_of(rest, MATERIALS["isotropic"])
+    assert stiffness.bending is not None
+    assert stiffness.twist is not None
+    assert stiffness.coupling is not None
+    np.testing.assert_allclose(stiffness.bending[2, 2], 4 * C[[0, 0, 1], [0, 1, 1]], rtol=1e-11)
+    np.testing.assert_allclose(stiffness.twist[1, 1], 4 * C[2, 2], rtol=1e-11)
+    np.testing.assert_allclose(stiffness.coupling[1, 1], [C[0, 2]] * 4 + [C[1, 2]] * 4, rtol=1e-11)
+
+
+@pytest.mark.parametrize("multipliers", [(1.0, 0.0), (0.0, 1.0), (2.0, 0.5)])
+@pytest.mark.parametrize("nodes", [(3, 3), (4, 5)], ids=str)
+def test_every_corner_of_a_skewed_chart_stores_energy_or_none(
+    nodes: tuple[int, int], multipliers: tuple[float, float]
+) -> None:
+    material = Material(
+        density=800.0, youngs_modulus=1e6, poisson_ratio=0.3, thickness=0.1, bending_multipliers=multipliers
+    )
+    rest = parallelogram(nodes, 50.0)
+    stiffness, design = stiffness_of(rest, material), design_energy(rest, material)
+    assert stiffness.bending is not None
+    assert stiffness.coupling is not None
+    scale = np.abs(design.corners).max()
+    assert np.linalg.eigvalsh(design.corners).min() > -1e-12 * scale
+    nodal = node_weights(design.corners)
+    np.testing.assert_allclose(stiffness.bending, nodal[..., [0, 0, 1], [0, 1, 1]], atol=1e-12 * scale)
+    np.testing.assert_allclose(stiffness.twist, design.corners[..., 2, 2].sum(axis=-1), atol=1e-12 * scale)
+    exists = existing(nodes)
+    assert not stiffness.coupling.reshape(*exists.shape[:2], 2, 4).swapaxes(-1, -2)[~exists[..., :2]].any()
 
 
 @pytest.mark.parametrize("corner", [(4.0, 0.0, 0.0), (1.0, 0.0, 0.0)], ids=["in one line", "bow tie"])

@@ -19,6 +19,7 @@ from surfaces import (
     dot,
     folded,
     noise,
+    parallelogram,
     spacing,
     stretched,
     turned,
@@ -30,7 +31,11 @@ from warpdeform.shape import RestShape, from_array, from_map, sheet
 Array = np.ndarray[Any, Any]
 
 SMALL = (3, 4)
-WITH_GRIDS = [(nodes, *case) for nodes in GRIDS for case in (("flat", "isotropic"), ("bump", "orthotropic"))]
+WITH_GRIDS = [
+    (nodes, *case)
+    for nodes in GRIDS
+    for case in (("flat", "isotropic"), ("bump", "orthotropic"), ("parallelogram", "shell"))
+]
 CLOTH = Material(areal_density=0.2, membrane_stiffness=1000.0, poisson_ratio=0.3, bending_stiffness=1e-5)
 
 
@@ -195,7 +200,13 @@ def exchanged(material: Material) -> Material:
 @pytest.mark.parametrize("state", STATES.values(), ids=STATES)
 @pytest.mark.parametrize(
     ("shape", "material"),
-    [("flat", "orthotropic"), ("arc", "orthotropic"), ("fan", "orthotropic"), ("bump", "isotropic")],
+    [
+        ("flat", "orthotropic"),
+        ("arc", "orthotropic"),
+        ("fan", "orthotropic"),
+        ("bump", "isotropic"),
+        ("parallelogram", "isotropic"),
+    ],
 )
 def test_mirrored_and_swapped_surfaces_have_mirrored_and_swapped_forces(
     shape: str, material: str, state: Callable[[Array], Array]
@@ -292,6 +303,39 @@ def test_gradients_and_products_add_to_what_is_there() -> None:
     out = surface.upload(before)
     surface.force.add_gradient(None, surface.upload(z), out)
     np.testing.assert_allclose(surface.download(out), before + alone, rtol=1e-15, atol=1e-13 * largest(alone))
+
+
+@pytest.mark.parametrize(
+    ("shape", "material"), [("flat", "membrane"), ("flat", "isotropic"), ("fan", "paper"), ("bump", "isotropic")]
+)
+def test_named_kernels_are_those_that_are_launched(shape: str, material: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    surface = Surface(SHAPES[shape](SMALL), MATERIALS[material])
+    launched: set[str] = set()
+    launch = surface.force._launch
+
+    def recorded(kernel: wp.Kernel, *arguments: Any) -> None:
+        launched.add(f"{kernel.module.name.removeprefix('warpdeform_')}.{kernel.func.__name__}")
+        launch(kernel, *arguments)
+
+    monkeypatch.setattr(surface.force, "_launch", recorded)
+    z = crumpled(surface.rest)
+    surface.energy(z)
+    surface.gradient(z)
+    surface.product(z)
+    surface.blocks()
+    named = surface.force.kernels
+    assert len(set(named)) == len(named) == len(launched)
+    for room, kernel in (name.split(".") for name in named):
+        assert any(name.startswith(room) and name.endswith(f".{kernel}") for name in launched)
+
+
+def test_coupled_bending_keeps_eleven_numbers_a_node_more_and_plain_bending_none() -> None:
+    plain, coupled = (Surface(parallelogram((33, 33), lean), MATERIALS["isotropic"]).force for lean in (0.0, 30.0))
+    assert coupled.coupled
+    assert not plain.coupled
+    assert not any("coupling" in kernel for kernel in plain.kernels)
+    more = coupled.bytes() - plain.bytes() - 9 * 8 * 35 * 36  # a skewed chart has nine more entries in K
+    assert 11 * 8 * 33 * 33 < more < 11 * 8 * 35 * 36
 
 
 def test_membrane_launches_and_keeps_nothing_for_bending() -> None:

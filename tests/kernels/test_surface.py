@@ -16,7 +16,9 @@ from surfaces import (
     bending_numbers,
     bump,
     crumpled,
+    existing,
     membrane_numbers,
+    node_weights,
     noise,
 )
 
@@ -30,11 +32,12 @@ from warpdeform.kernels.surface import (
     surface,
 )
 from warpdeform.kernels.surface_blocks import surface_blocks
+from warpdeform.kernels.surface_coupling import CHANGE_COMPONENTS, COUPLING_KERNELS, surface_coupling
 
 Array = np.ndarray[Any, Any]
 
-VARIANTS = list(itertools.product((True, False), (False, True)))
-NAMES = ["orthogonal", "orthogonal-bending", "general", "general-bending"]
+VARIANTS = list(itertools.product((True, False), ("none", "plain", "coupled")))
+NAMES = [("orthogonal" if orthogonal else "general") + f"-bending-{bending}" for orthogonal, bending in VARIANTS]
 Q_FROM_NUMBERS = (
     np.array([[1, 1, 1, 1, 0], [1, 1, -1, -1, 0], [0, 0, 0, 0, 4], [-1, 1, -1, 1, 0], [-1, 1, 1, -1, 0]]) / 2
 )
@@ -42,7 +45,7 @@ Q_FROM_NUMBERS = (
 
 
 @functools.cache
-def problem(nodes: tuple[int, int], orthogonal: bool, bending: bool) -> SimpleNamespace:
+def problem(nodes: tuple[int, int], orthogonal: bool, bending: str) -> SimpleNamespace:
     """Random coefficients and states, as an energy and as the arrays that the kernels read, shape (nu, nv, n)."""
     random = np.random.default_rng(7)
     rest = bump(nodes).positions
@@ -61,30 +64,39 @@ def problem(nodes: tuple[int, int], orthogonal: bool, bending: bool) -> SimpleNa
         entries = [K[..., a, b] for a, b in ((0, 0), (0, 1), (1, 1), (2, 2), (3, 3), (3, 4))]
     else:
         entries = [K[..., a, b] for a in range(5) for b in range(a, 5)]
-    KB, K12 = np.zeros((*nodes, 2, 2)), np.zeros(cells)
-    if bending:
-        inside = [np.isin(np.arange(n), (0, n - 1), invert=True) for n in nodes]
-        exists = np.stack(np.meshgrid(*inside, indexing="ij"), axis=-1)
-        KB = 0.01 * definite(*nodes, 2) * exists[..., :, None] * exists[..., None, :]
-        K12 = 0.01 * random.uniform(0.5, 1.5, cells)
-    b, b12 = bending_numbers(rest)
 
     def membrane(change: Array) -> Array:
         q = change @ Q_FROM_NUMBERS.T
         return np.asarray(np.einsum("...a,...ab,...b->...", q, K, q) / 2)
 
+    KB, K12, C = np.zeros((*nodes, 2, 2)), np.zeros(cells), np.zeros((*cells, 4, 3, 3))
+    if bending == "plain":
+        inside = [np.isin(np.arange(n), (0, n - 1), invert=True) for n in nodes]
+        exists = np.stack(np.meshgrid(*inside, indexing="ij"), axis=-1)
+        KB = 0.01 * definite(*nodes, 2) * exists[..., :, None] * exists[..., None, :]
+        K12 = 0.01 * random.uniform(0.5, 1.5, cells)
+    if bending == "coupled":
+        exists = existing(nodes)
+        C = 0.01 * definite(*cells, 4, 3) * exists[..., :, None] * exists[..., None, :]
+    energy = DiscreteEnergy(rest, membrane, KB, K12, C)
+    KB, K12 = KB + node_weights(C), K12 + C[..., 2, 2].sum(axis=-1)
+    b, b12 = bending_numbers(rest)
+
     return SimpleNamespace(
-        nodes=nodes, energy=DiscreteEnergy(rest, membrane, KB, K12), z=crumpled(rest), p=noise(rest, 1.0, 9),
+        nodes=nodes, energy=energy, z=crumpled(rest), p=noise(rest, 1.0, 9),
         K=np.stack(entries, axis=-1), q0=membrane_numbers(rest) @ Q_FROM_NUMBERS.T,
         KB=KB[..., [0, 0, 1], [0, 1, 1]], K12=K12, b0=b, b120=b12,
+        KC=np.concatenate([C[..., 0, 2], C[..., 1, 2]], axis=-1),
     )  # fmt: skip
 
 
 @functools.cache
-def run(nodes: tuple[int, int], orthogonal: bool, bending: bool, real: Any, width: int) -> dict[str, Array]:
+def run(nodes: tuple[int, int], orthogonal: bool, bending: str, real: Any, width: int) -> dict[str, Array]:
     """Every output of every kernel, shape (nu, nv, n); outputs that are overwritten start as not a number."""
     given, layout = problem(nodes, orthogonal, bending), Layout(nodes, width)
-    kernels, diagonal = surface(width, real, orthogonal, bending), surface_blocks(width, real, orthogonal, bending)
+    bends, coupled = bending != "none", bending == "coupled"
+    kernels, diagonal = surface(width, real, orthogonal, bends), surface_blocks(width, real, orthogonal, bends)
+    coupling = surface_coupling(width, real)
     arrays: dict[str, wp.array] = {}
 
     def upload(values: Array) -> wp.array:
@@ -103,33 +115,45 @@ def run(nodes: tuple[int, int], orthogonal: bool, bending: bool, real: Any, widt
     def launch(name: str, *inputs: Any, of: Any = kernels) -> None:
         wp.launch(getattr(of, name), dim=layout.lane_dim, inputs=inputs, device="cpu")
 
-    z, p, K, q0, KB, K12 = (upload(layout.pack(getattr(given, name))) for name in ("z", "p", "K", "q0", "KB", "K12"))
+    names = ("z", "p", "K", "q0", "KB", "K12", "KC")
+    z, p, K, q0, KB, K12, KC = (upload(layout.pack(getattr(given, name))) for name in names)
     b0 = upload(np.concatenate([layout.pack(given.b0), layout.pack(given.b120)]))
     alphas = [upload(alpha) for alpha in difference_weights(ParameterGrid(nodes, (1.0, 1.0)), layout)]
     floor = real(1e-20)
     launch("measure_membrane", z, poisoned("q", 5))
     tension, twist = poisoned("tension", TENSION_COMPONENTS), added("twist", TWIST_COMPONENTS)
     flexure, scatter = added("flexure", FLEXURE_COMPONENTS), added("scatter", SCATTER_COMPONENTS)
-    if bending:
+    if bends:
         twist, flexure = poisoned("twist", TWIST_COMPONENTS), poisoned("flexure", FLEXURE_COMPONENTS)
         scatter = poisoned("scatter", SCATTER_COMPONENTS)
         launch("measure_bending", z, *alphas, floor, poisoned("b", 3))
     launch("stress_cells", z, K, q0, K12, b0, floor, tension, twist, poisoned("flux", 9))
-    if bending:
+    if bends:
         launch("stress_nodes", z, KB, b0, *alphas, floor, flexure, scatter)
+    if coupled:
+        launch("change", z, b0, *alphas, floor, floor, poisoned("change", CHANGE_COMPONENTS), of=coupling)
+        scatter, bent = poisoned("scatter", SCATTER_COMPONENTS), (*alphas, flexure, twist)
+        launch("couple", KB, KC, *bent, arrays["change"], arrays["flux"], scatter, of=coupling)
     launch("gather", arrays["flux"], flexure, scatter, added("gradient", 3))
     launch("block_cells", z, K, tension, K12, twist, added("blocks", 6), of=diagonal)
     launch("product_cells", z, K, tension, K12, twist, p, poisoned("product_flux", 9))
     moments = scatter
-    if bending:
+    if bends:
         launch("block_nodes", KB, *alphas, flexure, arrays["blocks"], of=diagonal)
         moments = poisoned("product_scatter", SCATTER_COMPONENTS)
+    if coupled:
+        launch("block_coupling", KC, *bent, arrays["blocks"], of=coupling)
+        launch("change_along", *bent, p, poisoned("product_change", CHANGE_COMPONENTS), of=coupling)
+        launch("couple", KB, KC, *bent, arrays["product_change"], arrays["product_flux"], moments, of=coupling)
+    elif bends:
         launch("product_nodes", KB, *alphas, flexure, p, moments)
     launch("gather", arrays["product_flux"], flexure, moments, added("product", 3))
     partials = wp.zeros((layout.rows, layout.columns), dtype=wp.float64, device="cpu")
     launch("energy_cells", z, K, q0, K12, b0, floor, partials)
-    if bending:
+    if bends:
         launch("energy_nodes", z, KB, b0, *alphas, floor, partials)
+    if coupled:
+        launch("energy_coupling", KC, arrays["change"], partials, of=coupling)
     results = {name: np.moveaxis(array.numpy(), 0, -1) for name, array in arrays.items()}
     for name, values in results.items():
         assert np.isfinite(values).all(), name
@@ -145,11 +169,11 @@ def run(nodes: tuple[int, int], orthogonal: bool, bending: bool, real: Any, widt
 
 @pytest.mark.parametrize("nodes", [(2, 2), (2, 5), (3, 3), (4, 5)], ids=str)
 @pytest.mark.parametrize(("orthogonal", "bending"), VARIANTS, ids=NAMES)
-def test_kernels_are_the_derivatives_of_their_energy(orthogonal: bool, bending: bool, nodes: tuple[int, int]) -> None:
+def test_kernels_are_the_derivatives_of_their_energy(orthogonal: bool, bending: str, nodes: tuple[int, int]) -> None:
     given, found = problem(nodes, orthogonal, bending), run(nodes, orthogonal, bending, wp.float64, 1)
     z, energy = given.z, given.energy
     np.testing.assert_allclose(found["q"][:-1, :-1], membrane_numbers(z) @ Q_FROM_NUMBERS.T, atol=1e-13)
-    if bending:
+    if bending != "none":
         b, b12 = bending_numbers(z)
         np.testing.assert_allclose(found["b"][1:-1, :, 0], b[1:-1, :, 0], atol=1e-13)
         np.testing.assert_allclose(found["b"][:, 1:-1, 1], b[:, 1:-1, 1], atol=1e-13)
@@ -169,7 +193,7 @@ def test_kernels_are_the_derivatives_of_their_energy(orthogonal: bool, bending: 
 @pytest.mark.parametrize("nodes", GRIDS, ids=str)
 @pytest.mark.parametrize(("orthogonal", "bending"), VARIANTS, ids=NAMES)
 def test_lane_widths_agree_to_the_bit_and_precisions_to_round_off(
-    orthogonal: bool, bending: bool, nodes: tuple[int, int], real: Any
+    orthogonal: bool, bending: str, nodes: tuple[int, int], real: Any
 ) -> None:
     narrow, wide = (run(nodes, orthogonal, bending, real, width) for width in WIDTHS[real])
     exact = run(nodes, orthogonal, bending, wp.float64, 1)
@@ -187,3 +211,9 @@ def test_variant_without_bending_compiles_no_curvature() -> None:
     assert "bending" not in flat.name
     assert "bending" in bending.name
     assert flat is not bending
+
+
+def test_coupling_is_a_module_of_its_own_and_names_its_kernels() -> None:
+    coupling = surface_coupling(1, wp.float64)
+    assert {name for name, kernel in vars(coupling).items() if isinstance(kernel, wp.Kernel)} == set(COUPLING_KERNELS)
+    assert coupling.module is not surface(1, wp.float64, False, True).module

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from warpdeform.body import Body
 from warpdeform.handle import BodyHandle
 from warpdeform.settings import Settings
+from warpdeform.shape import RestShape, from_map
 from warpdeform.simulation import Simulation
 
 Array = NDArray[np.float64]
@@ -46,6 +47,16 @@ def equilibrium(body: Body, *, dt: float = 100.0, gravity: Sequence[float] = (0.
             assert report.residual < AT_REST * GRAVITY, f"stands still out of balance: {report}"
             return simulation
     raise AssertionError(f"still moving by {moved:g} m a step: {report}")
+
+
+def skewed_square(cells: int) -> RestShape:
+    """The unit square with straight edges and axes that meet at 53 to 127 degrees, some of them at the border."""
+    wave = 2 * np.pi
+
+    def leaning(u: Array, v: Array) -> Array:
+        return np.stack([u + 0.12 * np.sin(wave * u) * np.sin(wave * v), v, 0 * u], axis=-1)
+
+    return from_map(leaning, (cells + 1, cells + 1), ((0, 1), (0, 1)))
 
 
 def elastic_forces(handle: BodyHandle) -> Array:

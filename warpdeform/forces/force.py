@@ -2,33 +2,79 @@
 
 from typing import Any, ClassVar, Protocol
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
+
+from warpdeform.grid import Layout, ParameterGrid
 
 LAGGED_ITERATIONS = 3
 """Newton iterations in which lagged quantities (contact force, wind normal) follow the iterate before they freeze."""
 
 
-class BodyArrays(Protocol):
-    """What a term may read of its body while a step runs; component arrays as in :class:`~warpdeform.grid.Layout`."""
+class GridArrays(Protocol):
+    """What there is of a body on every grid, its own and multigrid's coarser ones."""
 
     layout: Any
     real: Any
     lane_width: int
     device: Any
+    mass: wp.array
+    """Node masses [kg], trapezoid weights, shape (1, rows, columns)."""
+    free: wp.array
+    """1 at free nodes, 0 at pinned nodes and outside the body, shape (1, rows, columns)."""
+
+
+class BodyArrays(GridArrays, Protocol):
+    """What a term may read of its body while a step runs; component arrays as in :class:`~warpdeform.grid.Layout`."""
+
     x: wp.array
     """Accepted position at the start of the step [m], shape (3, rows, columns)."""
     w: wp.array
     """Base of the stage velocity (z - w) / tau [m], shape (3, rows, columns)."""
-    mass: wp.array
-    """Node masses [kg], trapezoid weights, shape (1, rows, columns)."""
     area: wp.array
     """Node shares of the rest area [m2], trapezoid weights, shape (1, rows, columns)."""
-    free: wp.array
-    """1 at free nodes, 0 at pinned nodes and outside the body, shape (1, rows, columns)."""
     iteration: wp.array
     """Newton iteration of this step, int32, shape (1,)."""
     partials: wp.array
     """Partial sums per node or lane group, float64, shape (rows, columns)."""
+
+
+class Coarsening(Protocol):
+    """What a term may know of the step from a grid to the next coarser one."""
+
+    coarse: ParameterGrid
+    layout: Layout
+    """Memory layout of the coarse grid."""
+    growth: tuple[float, float]
+    """Coarse over fine spacing along each axis."""
+    cells: Any
+    """Tables that average over the fine cells of each coarse cell."""
+
+    def sample(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values at the nodes, shape (nu, nv, n), at the coarse nodes (host)."""
+
+
+class GridTerm(Protocol):
+    """What the linear solver asks of a term that couples nodes, on whatever grid; told in :class:`Force`."""
+
+    sample_nodes: int
+
+    def bytes(self) -> int: ...
+
+    def coarser(self, transfer: Coarsening) -> "CoarseTerm | None": ...
+
+    def coarsen(self, transfer: Coarsening, coarse: "CoarseTerm") -> None: ...
+
+    def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None: ...
+
+    def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None: ...
+
+
+class CoarseTerm(GridTerm, Protocol):
+    """A term on a coarse grid: what a body has on its own grid only is not there to linearise it with."""
+
+    def linearise(self, body: GridArrays, position: wp.array) -> None: ...
 
 
 class Force:
@@ -41,6 +87,8 @@ class Force:
     name: ClassVar[str] = "force"
     elastic: ClassVar[bool] = False
     """True for terms whose Hessian couples nodes; False for node-wise terms, whose Hessian is one block per node."""
+    sample_nodes: int = 0
+    """Most nodes that one sample of the energy couples: no eigenvalue of D^-1 H is larger (elastic terms)."""
     energy_kind: ClassVar[str] = "field"
     """Where reports book the energy: "elastic", "gravity", "field"; "" where none is stored (friction, wind)."""
 
@@ -52,6 +100,13 @@ class Force:
     def bytes(self) -> int:
         """Device memory that the term keeps [bytes]."""
         return 0
+
+    def coarser(self, transfer: Coarsening) -> CoarseTerm | None:
+        """The same energy on a coarser grid, rediscretised (elastic terms); None if coarse grids do without it."""
+        return None
+
+    def coarsen(self, transfer: Coarsening, coarse: CoarseTerm) -> None:
+        """Carry to `coarse`, which was linearised at the coarse positions, what it must not measure itself."""
 
     def prepare(self, time: float, dt: float, tau: float) -> None:
         """Write the parameters of the stage that ends at `time` [s] into device arrays (host, between steps)."""
@@ -74,10 +129,10 @@ class Force:
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the derivative of the energy by the position [N]; valid after `linearise` at the same position."""
 
-    def add_hessian_product(self, body: BodyArrays, direction: wp.array, product: wp.array) -> None:
+    def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
         """Add the projected Hessian times `direction` [N] (elastic terms)."""
 
-    def add_block_diagonal(self, body: BodyArrays, blocks: wp.array) -> None:
+    def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian [N/m], shape (6, rows, columns) (elastic terms)."""
 
     def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:

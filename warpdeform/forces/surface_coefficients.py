@@ -14,11 +14,10 @@ from warpdeform.material import PaperWeights, SurfaceCoefficients
 
 Array = NDArray[np.float64]
 
-MAX_SKEW = 0.1
-"""Largest |cos| between the axes of a chart that the uncoupled bending scheme takes.
+RIGHT_ANGLE = 1e-5
+"""Largest |cos| between the axes of a chart for which twist is not coupled to the other curvatures.
 
-It leaves out what couples b12 to b11 and b22: a bend at 45 degrees to the axes is too stiff on one side and too soft on
-the other by 1.8 times the cosine (tests/physics/test_skew.py). Design 1.3 has the coupled scheme.
+Uncoupled, bending is off by up to 1.8 times the cosine; shapes kept in single precision are skewed by 1e-7.
 """
 NEGLIGIBLE = 1e-10
 """Entries of K below this fraction of the largest are round-off of the rest shape and count as zero."""
@@ -38,6 +37,8 @@ class SurfaceStiffness:
         membrane: K of q per cell, shape (nu - 1, nv - 1, 6 or 15).
         bending: K of (b11, b22) per node: 11, 12, 22, shape (nu, nv, 3); None without bending.
         twist: K of b12 per cell, shape (nu - 1, nv - 1); None without bending.
+        coupling: K of b12 with b11, then with b22, at the corners 00, 10, 01, 11 of each cell, shape
+            (nu - 1, nv - 1, 8); None without bending, on charts with right angles, and with the paper's weights.
         cell_area: Rest areas [m2], shape (nu - 1, nv - 1).
         node_area: Trapezoid shares of the rest area [m2], shape (nu, nv).
         cell_floor: Smallest |D x E|^2 that curvature divides by [m4]: a cell at a thousandth of its rest area.
@@ -48,6 +49,7 @@ class SurfaceStiffness:
     membrane: Array
     bending: Array | None
     twist: Array | None
+    coupling: Array | None
     cell_area: Array
     node_area: Array
     cell_floor: float
@@ -55,7 +57,10 @@ class SurfaceStiffness:
 
 
 def surface_stiffness(
-    grid: ParameterGrid, rest: Array, material: SurfaceCoefficients | PaperWeights
+    grid: ParameterGrid,
+    rest: Array,
+    material: SurfaceCoefficients | PaperWeights,
+    like: "SurfaceStiffness | None" = None,
 ) -> SurfaceStiffness:
     """Coefficients of a surface from its rest shape and material.
 
@@ -63,9 +68,11 @@ def surface_stiffness(
         grid: Parameter grid.
         rest: Rest positions [m], shape (nu, nv, 3).
         material: Physical constants, or the paper's weights.
+        like: Describe the surface by as many entries as there, leaving out what does not fit; None takes as many as it
+            needs.
 
     Raises:
-        InputError: The material bends and the chart is skewed beyond what the bending scheme represents.
+        InputError: A cell has no area.
     """
     chart = _Chart(rest)
     area = chart.area
@@ -76,12 +83,15 @@ def surface_stiffness(
     else:
         membrane = _koiter_membrane(chart, material)
         bends = bool(np.any(material.bending))
-    bending = twist = None
+    bending = twist = coupling = None
     if bends:
-        _refuse_skew(chart)
-        bending, twist = _bending(grid, chart, node_area, rest, material)
+        right_angles = like.coupling is None if like else bool(np.all(np.abs(chart.cosine) <= RIGHT_ANGLE))
+        if isinstance(material, PaperWeights) or right_angles:
+            bending, twist = _bending(grid, chart, node_area, rest, material)
+        else:
+            bending, twist, coupling = _coupled_bending(grid, chart, material.bending)
     K = np.einsum("ap,...ab,bq->...pq", _FROM_Q, membrane, _FROM_Q)
-    orthogonal = _is_orthogonal(K)
+    orthogonal = like.orthogonal if like else _is_orthogonal(K)
     entries = _ORTHOGONAL if orthogonal else _UPPER
     r1, r2 = _tangents(rest)
     return SurfaceStiffness(
@@ -89,6 +99,7 @@ def surface_stiffness(
         membrane=np.stack([K[..., a, b] for a, b in entries], axis=-1),
         bending=bending,
         twist=twist,
+        coupling=coupling,
         cell_area=area,
         node_area=node_area,
         cell_floor=4e-6 * float(np.min(area**2)),
@@ -189,23 +200,42 @@ def _bending(
     return np.stack([k11, k12, k22], axis=-1), twist
 
 
+def _coupled_bending(grid: ParameterGrid, chart: _Chart, D: Array) -> tuple[Array, Array, Array]:
+    """K of (b11, b22) at nodes, of b12 at cells, and what couples them, on a chart whose axes are not orthogonal.
+
+    Each corner of a cell has the energy b' C b/2 times a quarter of the cell's area. The traces of design 1.3 are those
+    of the Voigt map, which takes orthotropic bending as well. Until the end b is divided by g11, g22, sqrt(g11 g22).
+    """
+    nu, nv = grid.nodes
+    length = np.stack([chart.g11, chart.g22, np.sqrt(chart.g11 * chart.g22)], axis=-1)
+    voigt = chart.voigt() * (length * np.array([1.0, 1.0, 2.0]))[..., None, :]
+    law = 0.25 * chart.area[..., None, None] * np.einsum("...ap,ab,...bq->...pq", voigt, D, voigt)
+    bending, twist = np.zeros((nu, nv, 3)), np.zeros(chart.area.shape)
+    coupling = np.zeros((*chart.area.shape, 2, 4))
+    for corner, (di, dj) in enumerate(((0, 0), (1, 0), (0, 1), (1, 1))):
+        C = law.copy()
+        C[-di] = _condensed(C[-di], 0)
+        C[:, -dj] = _condensed(C[:, -dj], 1)
+        C /= length[..., :, None] * length[..., None, :]
+        bending[di : nu - 1 + di, dj : nv - 1 + dj] += C[..., [0, 0, 1], [0, 1, 1]]
+        twist += C[..., 2, 2]
+        coupling[..., corner] = C[..., :2, 2]
+    return bending, twist, coupling.reshape(*chart.area.shape, 8)
+
+
+def _condensed(C: Array, entry: int) -> Array:
+    """C, shape (..., 3, 3), for the rest of b when one entry is missing: it takes the value of least energy."""
+    pivot, row = C[..., entry, entry], C[..., entry, :]
+    soft = pivot <= 1e-12 * np.abs(C).max(axis=(-2, -1))
+    ratio = np.where(soft, 0.0, 1.0 / np.where(soft, 1.0, pivot))
+    C = C - ratio[..., None, None] * row[..., :, None] * row[..., None, :]
+    C[..., entry, :] = C[..., :, entry] = 0.0
+    return C
+
+
 def _tangents(rest: Array) -> tuple[Array, Array]:
     """Undivided tangents at the nodes: half central differences, whole one-sided differences at borders."""
     return np.gradient(rest, axis=0), np.gradient(rest, axis=1)
-
-
-def _refuse_skew(chart: _Chart) -> None:
-    worst = float(np.max(np.abs(chart.cosine)))
-    if worst > MAX_SKEW:
-        angle = float(np.degrees(np.arccos(worst)))
-        raise InputError(
-            Mistake(
-                "shape",
-                round(angle, 1),
-                "is the smallest angle [degrees] between the axes of the rest shape; bending needs 84 or more",
-                "Give a parametrisation with nearly orthogonal axes, or a material without bending.",
-            )
-        )
 
 
 def _is_orthogonal(K: Array) -> bool:

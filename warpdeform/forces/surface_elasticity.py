@@ -6,18 +6,20 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpdeform.forces.force import BodyArrays, Force
+from warpdeform.forces.force import BodyArrays, Coarsening, CoarseTerm, Force, GridArrays
 from warpdeform.forces.surface_coefficients import SurfaceStiffness, surface_stiffness
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.kernels import surface as kernels
 from warpdeform.kernels.surface_blocks import surface_blocks
+from warpdeform.kernels.surface_coupling import CHANGE_COMPONENTS, COUPLING_KERNELS, surface_coupling
+from warpdeform.kernels.surface_levels import surface_levels
 from warpdeform.material import Material
 
 Array = NDArray[np.float64]
 
 
 class SurfaceElasticity(Force):
-    """Membrane and bending of one surface.
+    """Membrane and bending of one surface; twist coupled to the other curvatures where the axes are not orthogonal.
 
     Args:
         grid: Parameter grid.
@@ -26,6 +28,7 @@ class SurfaceElasticity(Force):
         material: Material.
         real: ``wp.float32`` or ``wp.float64``.
         device: Warp device.
+        like: Take the variants of the kernels that these coefficients take; None takes those that the chart needs.
     """
 
     name = "elasticity"
@@ -33,13 +36,25 @@ class SurfaceElasticity(Force):
     energy_kind = "elastic"
 
     def __init__(
-        self, grid: ParameterGrid, layout: Layout, rest: Array, material: Material, real: Any, device: Any
+        self,
+        grid: ParameterGrid,
+        layout: Layout,
+        rest: Array,
+        material: Material,
+        real: Any,
+        device: Any,
+        like: SurfaceStiffness | None = None,
     ) -> None:
-        self.stiffness: SurfaceStiffness = surface_stiffness(grid, rest, material.surface())
+        self.stiffness: SurfaceStiffness = surface_stiffness(grid, rest, material.surface(), like)
+        self._rest, self._material = rest, material
         self.bending = self.stiffness.bending is not None
+        self.coupled = self.stiffness.coupling is not None
+        # A cell's corners; a node and its neighbours; a cell and the neighbours of one of its corners.
+        self.sample_nodes = 6 if self.coupled else 5 if self.bending else 4
         self._dim, self._device = layout.lane_dim, device
         self._lane_width, self._real = layout.lane_width, real
         self._words = kernels.surface(layout.lane_width, real, self.stiffness.orthogonal, self.bending)
+        self._coupling: Any = surface_coupling(layout.lane_width, real) if self.coupled else None
 
         def upload(values: Array) -> wp.array:
             return wp.array(layout.pack(values), dtype=real, device=device)
@@ -54,10 +69,12 @@ class SurfaceElasticity(Force):
         self.flux = scratch(kernels.FLUX_COMPONENTS)
         self.K12 = upload(self.stiffness.twist) if self.stiffness.twist is not None else scratch(1, False)
         self.KB = upload(self.stiffness.bending) if self.stiffness.bending is not None else scratch(1, False)
+        self.KC = upload(self.stiffness.coupling) if self.stiffness.coupling is not None else scratch(1, False)
         self.b0 = scratch(3, self.bending)
         self.twist = scratch(kernels.TWIST_COMPONENTS, self.bending)
         self.flexure = scratch(kernels.FLEXURE_COMPONENTS, self.bending)
         self.scatter = scratch(kernels.SCATTER_COMPONENTS, self.bending)
+        self.change = scratch(CHANGE_COMPONENTS, self.coupled)
         alpha_u, alpha_v = difference_weights(grid, layout)
         self.alpha_u: wp.array = wp.array(alpha_u, dtype=real, device=device)
         self.alpha_v: wp.array = wp.array(alpha_v, dtype=real, device=device)
@@ -68,17 +85,34 @@ class SurfaceElasticity(Force):
     def kernels(self) -> tuple[str, ...]:
         """Names of the kernels that a step launches."""
         places = ("cells", "nodes") if self.bending else ("cells",)
-        names = [f"{task}_{place}" for task in ("stress", "product", "energy") for place in places]
-        blocks = (f"surface_blocks.block_{place}" for place in places)
-        return (*(f"surface.{name}" for name in (*names, "gather")), *blocks)
+        names = [f"surface.{task}_{place}" for task in ("stress", "product", "energy") for place in places]
+        names += ["surface.gather", *(f"surface_blocks.block_{place}" for place in places)]
+        if self.coupled:
+            names.remove("surface.product_nodes")
+            names += [f"surface_coupling.{name}" for name in COUPLING_KERNELS]
+        return tuple(names)
 
     def bytes(self) -> int:
         """Device memory that the term keeps [bytes]."""
         arrays = (self.K, self.q0, self.tension, self.flux, self.K12, self.KB, self.b0, self.twist, self.flexure)
-        return sum(a.capacity for a in (*arrays, self.scatter, self.alpha_u, self.alpha_v))
+        return sum(a.capacity for a in (*arrays, self.scatter, self.KC, self.change, self.alpha_u, self.alpha_v))
 
     def _launch(self, kernel: Any, *arguments: Any) -> None:
         wp.launch(kernel, dim=self._dim, inputs=arguments, device=self._device)
+
+    def coarser(self, transfer: Coarsening) -> "SurfaceElasticity":
+        """The surface through the coarse nodes, with the kernels of this one."""
+        rest = transfer.sample(self._rest)
+        return SurfaceElasticity(
+            transfer.coarse, transfer.layout, rest, self._material, self._real, self._device, self.stiffness
+        )
+
+    def coarsen(self, transfer: Coarsening, coarse: CoarseTerm) -> None:
+        """Mean tension of the fine cells: strains measured on a coarse grid would be those of another shape."""
+        assert isinstance(coarse, SurfaceElasticity)
+        kernel = surface_levels(self._lane_width, self._real).average_tension
+        ratio = self._real(transfer.growth[0] / transfer.growth[1])
+        coarse._launch(kernel, self.tension, transfer.cells, ratio, coarse.tension)
 
     def measure(self, position: wp.array, q_out: wp.array, b_out: wp.array) -> None:
         """Strain numbers q, shape (5, rows, columns), and curvature numbers b, shape (3, rows, columns), of a shape."""
@@ -86,7 +120,7 @@ class SurfaceElasticity(Force):
         if self.bending:
             self._launch(self._words.measure_bending, position, self.alpha_u, self.alpha_v, self._node_floor, b_out)
 
-    def linearise(self, body: BodyArrays, position: wp.array) -> None:
+    def linearise(self, body: GridArrays, position: wp.array) -> None:
         """Stresses, moments and the coefficients of the Hessian at `position`."""
         k = self._words
         self._launch(
@@ -98,7 +132,24 @@ class SurfaceElasticity(Force):
                 k.stress_nodes, position, self.KB, self.b0, self.alpha_u, self.alpha_v, self._node_floor,
                 self.flexure, self.scatter,
             )  # fmt: skip
+        if self.coupled:
+            self._measure_change(position)
+            self._couple()
         self._position = position
+
+    def _measure_change(self, position: wp.array) -> None:
+        """Changes of b since rest."""
+        self._launch(
+            self._coupling.change, position, self.b0, self.alpha_u, self.alpha_v, self._node_floor, self._cell_floor,
+            self.change,
+        )  # fmt: skip
+
+    def _couple(self) -> None:
+        """Moments of the changes of b: on top of the cells' flux, in place of the nodes' scatter."""
+        self._launch(
+            self._coupling.couple, self.KB, self.KC, self.alpha_u, self.alpha_v, self.flexure, self.twist, self.change,
+            self.flux, self.scatter,
+        )  # fmt: skip
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
         """Add the elastic energy [J]."""
@@ -108,25 +159,36 @@ class SurfaceElasticity(Force):
                 self._words.energy_nodes, position, self.KB, self.b0, self.alpha_u, self.alpha_v, self._node_floor,
                 partials,
             )  # fmt: skip
+        if self.coupled:
+            self._measure_change(position)
+            self._launch(self._coupling.energy_coupling, self.KC, self.change, partials)
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the exact derivative of the energy; uses the stresses of `linearise` (before any Hessian product)."""
         self._launch(self._words.gather, self.flux, self.flexure, self.scatter, gradient)
 
-    def add_hessian_product(self, body: BodyArrays, direction: wp.array, product: wp.array) -> None:
+    def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
         """Add the projected Hessian times `direction`."""
         k = self._words
         self._launch(k.product_cells, self._position, self.K, self.tension, self.K12, self.twist, direction, self.flux)
-        if self.bending:
+        if self.coupled:
+            c = self._coupling
+            self._launch(c.change_along, self.alpha_u, self.alpha_v, self.flexure, self.twist, direction, self.change)
+            self._couple()
+        elif self.bending:
             self._launch(k.product_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, direction, self.scatter)
         self._launch(k.gather, self.flux, self.flexure, self.scatter, product)
 
-    def add_block_diagonal(self, body: BodyArrays, blocks: wp.array) -> None:
+    def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian."""
         k = surface_blocks(self._lane_width, self._real, self.stiffness.orthogonal, self.bending)
         self._launch(k.block_cells, self._position, self.K, self.tension, self.K12, self.twist, blocks)
         if self.bending:
             self._launch(k.block_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, blocks)
+        if self.coupled:
+            self._launch(
+                self._coupling.block_coupling, self.KC, self.alpha_u, self.alpha_v, self.flexure, self.twist, blocks
+            )
 
 
 def difference_weights(grid: ParameterGrid, layout: Layout) -> tuple[Array, Array]:

@@ -2,7 +2,8 @@
 
 from warpdeform.linear.conjugate_gradient import ConjugateGradient
 from warpdeform.linear.operator import LinearOperator
-from warpdeform.linear.preconditioners import PRECONDITIONERS, Preconditioner, choose_preconditioner
+from warpdeform.linear.preconditioner import Preconditioner
+from warpdeform.linear.preconditioners import PRECONDITIONERS, choose_preconditioner
 from warpdeform.linear.sums import Sums
 
 __all__ = ["PRECONDITIONERS", "ConjugateGradient", "LinearOperator", "Preconditioner", "Sums", "choose_preconditioner"]

@@ -5,7 +5,7 @@ import warp as wp
 from warpdeform.kernels import krylov as entries
 from warpdeform.kernels.krylov import krylov, reductions
 from warpdeform.linear.operator import LinearOperator
-from warpdeform.linear.preconditioners import Preconditioner
+from warpdeform.linear.preconditioner import Preconditioner
 from warpdeform.linear.sums import Sums
 from warpdeform.state import State
 
@@ -13,9 +13,10 @@ from warpdeform.state import State
 class ConjugateGradient:
     """Solves A direction = -gradient for all bodies at once.
 
-    Departs from the textbook in three points: it stops on sqrt(r.z), which is at hand and follows the energy error more
+    Departs from the textbook in four points: it stops on sqrt(r.z), which is at hand and follows the energy error more
     closely than |r| (design 7.1); all vectors are masked, so that pinned nodes are not part of the system; p.Ap <= 0
-    ends the solve with what it has and is reported, instead of being assumed away.
+    ends the solve with what it has and is reported, instead of being assumed away; the preconditioner may change
+    on the way, where r.P r < 0 or where it is on trial, and the solve starts afresh from where it has come to.
 
     Attributes:
         state: int32 (ACTIVE, ITERATIONS, BREAKDOWN) of :mod:`warpdeform.kernels.krylov`.
@@ -37,21 +38,24 @@ class ConjugateGradient:
         self._scalars: wp.array = wp.zeros(entries.SOLVER_SCALARS, dtype=wp.float64, device=device)
         self.state: wp.array = wp.zeros(entries.SOLVER_STATE, dtype=wp.int32, device=device)
         self._active = self.state[entries.ACTIVE : entries.ACTIVE + 1]
+        self._retreat = self.state[entries.RETREAT : entries.RETREAT + 1]
         self.cap: wp.array = wp.array([cap], dtype=wp.int32, device=device)
         self.tolerance: wp.array = wp.array([tolerance], dtype=wp.float64, device=device)
 
     def solve(self) -> None:
         """Record one solve; starts from direction = 0 and uses `State.gradient`, which is masked."""
+        self.state.zero_()
+        self.preconditioner.begin(self.state)
         self.preconditioner.update()
         for state in self.operator.states:
             state.direction.zero_()
             self._lanes(state, "negate", state.gradient, state.residual)
-        self.preconditioner.apply()
+        self._precondition()
         for state in self.operator.states:
             wp.copy(state.search, state.conditioned)
-        self._sums.gather_dots()
         self._scalar("cg_start", self._scalars, self.state)
         wp.capture_while(self._active, self._iterate)
+        self.preconditioner.learn(self.state)
 
     def _iterate(self) -> None:
         self.operator.product()
@@ -59,11 +63,24 @@ class ConjugateGradient:
         self._scalar("cg_step", self._scalars, self.state)
         for state in self.operator.states:
             self._lanes(state, "advance", self._scalars, state.search, state.product, state.direction, state.residual)
-        self.preconditioner.apply()
-        self._sums.gather_dots()
+        self._precondition()
         self._scalar("cg_turn", self.tolerance, self.cap, self._scalars, self.state)
         for state in self.operator.states:
             self._lanes(state, "turn", self._scalars, state.conditioned, state.search)
+
+    def _precondition(self) -> None:
+        """conditioned = P residual, by another P where r.P r is negative or P was on trial for long enough."""
+        self.preconditioner.apply()
+        self._sums.gather_dots()
+        if self.preconditioner.retreats:
+            self._scalar("judge_preconditioner", self._scalars, self.state)
+            wp.capture_while(self._retreat, self._precondition_again)
+
+    def _precondition_again(self) -> None:
+        self.preconditioner.retreat(self.state)
+        self.preconditioner.apply()
+        self._sums.gather_dots()
+        self._scalar("judge_preconditioner", self._scalars, self.state)
 
     def _lanes(self, state: State, name: str, *inputs: wp.array) -> None:
         kernel = getattr(krylov(state.lane_width, state.real), name)

@@ -5,13 +5,58 @@ from typing import Any
 
 import warp as wp
 
-from warpdeform.forces.force import Force
+from warpdeform.forces.force import Force, GridArrays, GridTerm
 from warpdeform.forces.parameters import Parameters
 from warpdeform.kernels.krylov import krylov
 from warpdeform.state import State
 
 Terms = Sequence[Sequence[Force]]
 """The terms of each body."""
+
+
+class GridOperator:
+    """A of one body on one grid: its own, or a coarser one of multigrid. It does not know of pins.
+
+    Args:
+        body: Arrays of the body on this grid.
+        inertia: 1 / tau^2 [1/s2] on the device, shape (1,).
+        blocks: M/tau^2 and the blocks of node-wise terms [N/m], shape (6, rows, columns); None where mass is all.
+        terms: The terms that couple nodes.
+    """
+
+    def __init__(self, body: GridArrays, inertia: wp.array, blocks: wp.array | None, terms: Sequence[GridTerm]) -> None:
+        self.body, self.inertia, self.blocks, self.terms = body, inertia, blocks, tuple(terms)
+
+    def product(self, p: wp.array, q: wp.array) -> None:
+        """q = A p."""
+        if self.blocks is None:
+            self.launch("start_product", self.body.mass, self.inertia, p, q)
+        else:
+            self.launch("start_product_blocks", self.blocks, p, q)
+        for term in self.terms:
+            term.add_hessian_product(self.body, p, q)
+
+    def start_blocks(self, blocks: wp.array) -> None:
+        """blocks = M/tau^2."""
+        self.launch("start_blocks", self.body.mass, self.inertia, blocks)
+
+    def add_elastic_diagonal(self, blocks: wp.array) -> None:
+        """Add the 3 x 3 diagonal blocks of the elastic Hessians."""
+        for term in self.terms:
+            term.add_block_diagonal(self.body, blocks)
+
+    def write_diagonal(self, blocks: wp.array) -> None:
+        """blocks = the 3 x 3 diagonal blocks D of A."""
+        if self.blocks is None:
+            self.start_blocks(blocks)
+        else:
+            wp.copy(blocks, self.blocks)
+        self.add_elastic_diagonal(blocks)
+
+    def launch(self, name: str, *inputs: Any) -> None:
+        """Launch a kernel of :mod:`warpdeform.kernels.krylov` over this grid."""
+        kernel = getattr(krylov(self.body.lane_width, self.body.real), name)
+        wp.launch(kernel, dim=self.body.layout.lane_dim, inputs=inputs, device=self.body.device)
 
 
 class LinearOperator:
@@ -22,15 +67,19 @@ class LinearOperator:
     Args:
         states: The bodies.
         terms: The terms of each body.
+
+    Attributes:
+        grids: A of each body.
     """
 
     def __init__(self, states: Sequence[State], terms: Terms) -> None:
         self.states, self.terms = tuple(states), terms
         self._inertia = {state.real: Parameters([1.0], state.real, state.device) for state in states}
-        self.node_blocks = [
-            state.model.zeros(6) if any(_has_blocks(term) for term in own) else None
-            for state, own in zip(states, terms, strict=True)
-        ]
+        self.grids: list[GridOperator] = []
+        for state, own in zip(states, terms, strict=True):
+            blocks = state.model.zeros(6) if any(_has_blocks(term) for term in own) else None
+            elastic = [term for term in own if term.elastic]
+            self.grids.append(GridOperator(state, self.inertia(state), blocks, elastic))
 
     def inertia(self, state: State) -> wp.array:
         """1 / tau^2 [1/s2] on the device, shape (1,)."""
@@ -43,49 +92,22 @@ class LinearOperator:
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
-        return sum(blocks.capacity for blocks in self.node_blocks if blocks is not None)
+        return sum(grid.blocks.capacity for grid in self.grids if grid.blocks is not None)
 
     def update(self) -> None:
         """Collect the node blocks after the terms were linearised."""
-        for state, own, blocks in zip(self.states, self.terms, self.node_blocks, strict=True):
-            if blocks is not None:
-                self._start_blocks(state, blocks)
+        for state, own, grid in zip(self.states, self.terms, self.grids, strict=True):
+            if grid.blocks is not None:
+                grid.start_blocks(grid.blocks)
                 for term in own:
-                    term.add_node_blocks(state, blocks)
-
-    def add_diagonal(self, index: int, blocks: wp.array) -> None:
-        """Write the 3 x 3 diagonal blocks of A of one body into `blocks`, shape (6, rows, columns)."""
-        state, own, node_blocks = self.states[index], self.terms[index], self.node_blocks[index]
-        if node_blocks is None:
-            self._start_blocks(state, blocks)
-        else:
-            wp.copy(blocks, node_blocks)
-        for term in own:
-            if term.elastic:
-                term.add_block_diagonal(state, blocks)
+                    term.add_node_blocks(state, grid.blocks)
 
     def product(self) -> None:
         """product = free A search, and the partial sums of search.product into `State.dots`."""
-        for state, own, blocks in zip(self.states, self.terms, self.node_blocks, strict=True):
-            kernels = krylov(state.lane_width, state.real)
-            if blocks is None:
-                inputs = [state.mass, self.inertia(state), state.search, state.product]
-                _launch(state, kernels.start_product, inputs)
-            else:
-                _launch(state, kernels.start_product_blocks, [blocks, state.search, state.product])
-            for term in own:
-                if term.elastic:
-                    term.add_hessian_product(state, state.search, state.product)
-            _launch(state, kernels.mask_dot, [state.free, state.search, state.product, state.dots])
-
-    def _start_blocks(self, state: State, blocks: wp.array) -> None:
-        kernels = krylov(state.lane_width, state.real)
-        _launch(state, kernels.start_blocks, [state.mass, self.inertia(state), blocks])
+        for state, grid in zip(self.states, self.grids, strict=True):
+            grid.product(state.search, state.product)
+            grid.launch("mask_dot", state.free, state.search, state.product, state.dots)
 
 
 def _has_blocks(term: Force) -> bool:
     return type(term).add_node_blocks is not Force.add_node_blocks
-
-
-def _launch(state: State, kernel: Any, inputs: list[Any]) -> None:
-    wp.launch(kernel, dim=state.layout.lane_dim, inputs=inputs, device=state.device)

@@ -1,0 +1,75 @@
+"""Multigrid or block-Jacobi, whichever has been cheaper of late."""
+
+from typing import ClassVar
+
+import numpy as np
+import warp as wp
+
+from warpdeform.kernels import choice as entries
+from warpdeform.kernels.choice import choice
+from warpdeform.linear.multigrid import Multigrid
+from warpdeform.linear.operator import LinearOperator
+from warpdeform.linear.preconditioner import Preconditioner
+
+
+class Cheapest(Preconditioner):
+    """Multigrid, until block-Jacobi needs less work; how that is found out is told in :mod:`warpdeform.kernels.choice`.
+
+    Work is counted in matrix-vector products, so that the same run takes the same decisions wherever it runs.
+    """
+
+    name: ClassVar[str] = "cheapest"
+    retreats: ClassVar[bool] = True
+
+    def __init__(self, operator: LinearOperator) -> None:
+        super().__init__(operator)
+        device = operator.states[0].device
+        self._device = device
+        self.multigrid = Multigrid(operator)
+        nodes = np.array([state.model.grid.node_count for state in operator.states])
+        cycles = np.array([level.iteration_cost() for level in self.multigrid.levels])
+        unit = [1.0 + float(cycles @ nodes / nodes.sum()), BLOCK_ITERATION_COST]
+        self._unit: wp.array = wp.array(unit, dtype=wp.float64, device=device)
+        self._choice: wp.array = wp.zeros(entries.CHOICE, dtype=wp.int32, device=device)
+        self._costs: wp.array = wp.zeros(entries.COSTS, dtype=wp.float64, device=device)
+        self._plain = self._choice[entries.PLAIN : entries.PLAIN + 1]
+        self.reset()
+
+    def begin(self, solver: wp.array) -> None:
+        """Choose."""
+        inputs = [self._unit, self.multigrid.caution, self._costs, self._choice, solver]
+        wp.launch(choice().choose_method, dim=1, inputs=inputs, device=self._device)
+
+    def update(self) -> None:
+        """Rebuild what the chosen one needs."""
+        self.multigrid.update_blocks()
+        wp.capture_if(self._plain, None, self.multigrid.update_coarse)
+
+    def apply(self) -> None:
+        """conditioned = P residual."""
+        wp.capture_if(self._plain, self.multigrid.apply_blocks, self.multigrid.apply_cycle)
+
+    def retreat(self, solver: wp.array) -> None:
+        """End a trial that takes too long, or be more careful with the cycle."""
+        inputs = [solver, self._choice, self.multigrid.caution]
+        wp.launch(choice().change_method, dim=1, inputs=inputs, device=self._device)
+        wp.capture_if(self._plain, None, self.multigrid.update_coarse)
+
+    def learn(self, solver: wp.array) -> None:
+        """Keep what the solve has cost."""
+        inputs = [self._unit, solver, self._choice, self._costs]
+        wp.launch(choice().learn_cost, dim=1, inputs=inputs, device=self._device)
+
+    def reset(self) -> None:
+        """Forget all costs (host)."""
+        self.multigrid.reset()
+        self._choice.assign([0, 0, 0, int(entries.FIRST_WAIT)])
+        self._costs.assign([0.0, np.inf])
+
+    def bytes(self) -> int:
+        """Device memory [bytes]."""
+        return self.multigrid.bytes()
+
+
+BLOCK_ITERATION_COST = 1.3
+"""An iteration with block-Jacobi in products: more vector updates go with its product than with a smoother's."""

@@ -1,0 +1,240 @@
+"""One grid of a multigrid hierarchy: its operator, its smoother, and the way to the next coarser grid (design 7.1)."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.kernels.multigrid import multigrid
+from warpdeform.linear.coarsest import DenseInverse
+from warpdeform.linear.operator import GridOperator
+from warpdeform.linear.transfer import Transfer
+
+COARSEST_NODES = 12
+"""A grid of so many nodes or fewer is solved directly."""
+DEGREE = 2
+"""Degree of the smoother's polynomial."""
+SMOOTHED_SHARE = 4.0
+"""The smoother damps eigenvalues of D^-1 A from the largest down to this fraction of it."""
+
+
+TYPICAL_SHARE = 0.65
+"""What the smoother takes for the largest eigenvalue of D^-1 A at first, as a part of its bound."""
+
+
+@dataclass
+class CoarseBody:
+    """What there is of a body on a coarse grid; attributes as in :class:`~warpdeform.forces.force.GridArrays`."""
+
+    layout: Layout
+    real: Any
+    lane_width: int
+    device: Any
+    mass: wp.array
+    free: wp.array
+
+
+@dataclass(frozen=True)
+class Vectors:
+    """Arrays of a level that the cycle writes, shape (3, rows, columns).
+
+    Attributes:
+        position: Where the terms are linearised [m].
+        solution: What the cycle finds [m].
+        product: Scratch [N].
+    """
+
+    position: wp.array
+    solution: wp.array
+    product: wp.array
+
+
+class Level:
+    """One grid of the hierarchy of one body, with all coarser ones behind it.
+
+    Chebyshev smoothing over block-Jacobi. No eigenvalue of D^-1 A exceeds the most nodes that one sample of an energy
+    couples (design 7.1). Cloth stays far below: 2.0 to 3.2 where the bound is 5 for bending; bending-dominated crumpled
+    sheets come to 4.9, membranes of elongated cells to 3.85 of 4. So the smoother counts with `TYPICAL_SHARE` of the
+    bound, which costs a quarter fewer iterations than the bound, and takes the bound itself for the rest of the run
+    once conjugate gradient has found the cycle not to be positive definite. That can happen where an eigenvalue is
+    more than a quarter above what it counts with (a polynomial of degree 2 over a share of 4). A power iteration that
+    follows the eigenvalue was tried: its vector gets caught in one corner of a crumpling sheet and misses the others.
+
+    Args:
+        grid: Its grid.
+        lengths: Mean distance of neighbours along each axis [m].
+        mass: Node masses [kg], shape (nu, nv).
+        operator: A on this grid.
+        vectors: The arrays that the cycle writes.
+        stiff: Node-wise terms or pins leave the coarse grid something to feel.
+        caution: Which rates the smoother takes (:mod:`warpdeform.kernels.multigrid`), int32, shape (2,).
+    """
+
+    def __init__(
+        self,
+        grid: ParameterGrid,
+        lengths: tuple[float, float],
+        mass: NDArray[np.float64],
+        operator: GridOperator,
+        vectors: Vectors,
+        stiff: bool,
+        caution: wp.array,
+    ) -> None:
+        body = operator.body
+        self._caution = caution
+        self._body, self._operator, self._stiff = body, operator, stiff
+        self.position, self.solution, self._product = vectors.position, vectors.solution, vectors.product
+        self._kernels = multigrid(body.lane_width, body.real)
+
+        def zeros(components: int) -> wp.array:
+            shape = (components, body.layout.rows, body.layout.columns)
+            return wp.zeros(shape, dtype=body.real, device=body.device)
+
+        # What a coarser grid feels of contact and pins is gone before the cycle begins.
+        self._stiffening = zeros(6)
+        self.residual, self._change = self._stiffening[:3], self._stiffening[3:]
+        self.inverse = zeros(6)
+        self._elastic = zeros(6) if operator.blocks is not None else self.inverse
+        self._coarsest: DenseInverse | None = None
+        self.coarse: Level | None = None
+        coarser = grid.coarser(lengths) if grid.node_count > COARSEST_NODES else None
+        if coarser is None:
+            self._coarsest = DenseInverse(operator)
+            return
+        self._transfer = Transfer(grid, body.layout, coarser, body.real, body.device)
+        self._pairs = [(term, coarse) for term in operator.terms if (coarse := term.coarser(self._transfer))]
+        self.coarse = self._make_coarse(lengths, mass, caution)
+        bound = float(max((term.sample_nodes for term in operator.terms), default=1))
+        rates = [chebyshev(largest / SMOOTHED_SHARE, largest, DEGREE) for largest in (TYPICAL_SHARE * bound, bound)]
+        self._rates: wp.array = wp.array(rates, dtype=body.real, device=body.device)
+
+    def _make_coarse(self, lengths: tuple[float, float], mass: NDArray[np.float64], caution: wp.array) -> "Level":
+        body, transfer = self._body, self._transfer
+        layout, growth = transfer.layout, transfer.growth
+
+        def upload(values: NDArray[np.float64]) -> wp.array:
+            return wp.array(layout.pack(values), dtype=body.real, device=body.device)
+
+        def zeros(components: int) -> wp.array:
+            return wp.zeros((components, layout.rows, layout.columns), dtype=body.real, device=body.device)
+
+        coarse_mass = transfer.gather(mass)
+        free = upload(np.ones(layout.nodes))
+        arrays = CoarseBody(layout, body.real, body.lane_width, body.device, upload(coarse_mass), free)
+        terms = [coarse for _, coarse in self._pairs]
+        operator = GridOperator(arrays, self._operator.inertia, zeros(6) if self._stiff else None, terms)
+        coarse_lengths = (lengths[0] * growth[0], lengths[1] * growth[1])
+        vectors = Vectors(zeros(3), zeros(3), zeros(3))
+        return Level(transfer.coarse, coarse_lengths, coarse_mass, operator, vectors, self._stiff, caution)
+
+    def bytes(self) -> int:
+        """Device memory of this level and the coarser ones that nothing else counts [bytes]."""
+        own = self._stiffening.capacity + self.inverse.capacity
+        if self._elastic is not self.inverse:
+            own += self._elastic.capacity
+        if self.coarse is None:
+            return own + (self._coarsest.bytes() if self._coarsest else 0)
+        coarse, operator = self.coarse, self.coarse._operator
+        arrays = (coarse.position, coarse.solution, coarse._product, operator.body.mass, operator.body.free)
+        own += sum(array.capacity for array in arrays) + self._transfer.bytes()
+        own += operator.blocks.capacity if operator.blocks is not None else 0
+        return own + sum(term.bytes() for term in operator.terms) + coarse.bytes()
+
+    def update_blocks(self) -> None:
+        """Rebuild D^-1, and what a coarser grid feels of contact and pins, from terms linearised at `position`."""
+        body, operator = self._body, self._operator
+        operator.start_blocks(self._elastic)
+        operator.add_elastic_diagonal(self._elastic)
+        if operator.blocks is not None:
+            self._launch(
+                "split_blocks", body.mass, operator.inertia, body.free, operator.blocks, self._elastic,
+                self.inverse, self._stiffening,
+            )  # fmt: skip
+        else:
+            if self._stiff:
+                self._launch("hold_pins", body.free, self._elastic, self._stiffening)
+            operator.launch("invert_blocks", self._elastic, self.inverse)
+
+    def update_coarse(self) -> None:
+        """Rebuild the coarser grids, or the inverse where there are none; follows `update_blocks`."""
+        if self._coarsest is not None:
+            self._coarsest.update(self._change, self._product)
+            return
+        coarse = self.coarse
+        assert coarse is not None
+        coarse._launch("carry", self.position, self._transfer.positions, coarse.position)
+        for fine_term, coarse_term in self._pairs:
+            coarse_term.linearise(coarse._body, coarse.position)
+            fine_term.coarsen(self._transfer, coarse_term)
+        if coarse._operator.blocks is not None:
+            coarse._operator.start_blocks(coarse._operator.blocks)
+            coarse._launch("add_carried_blocks", self._stiffening, self._transfer.restrict, coarse._operator.blocks)
+        if coarse.coarse is not None:
+            coarse.update_blocks()
+        coarse.update_coarse()
+
+    def iteration_cost(self) -> float:
+        """Matrix-vector products on this grid that the cycle costs, coarser grids counted by their lane groups."""
+        if self.coarse is None:
+            return 1.0
+        rows, groups = self._body.layout.lane_dim
+        coarse_rows, coarse_groups = self.coarse._body.layout.lane_dim
+        share = coarse_rows * coarse_groups / (rows * groups)
+        return 2.0 * DEGREE + share * self.coarse.iteration_cost()
+
+    def cycle(self, residual: wp.array) -> None:
+        """One V-cycle from zero: `solution` becomes an approximation of A^-1 residual, shape (3, rows, columns)."""
+        if self._coarsest is not None:
+            self._coarsest.apply(residual, self.solution)
+            return
+        assert self.coarse is not None
+        free, inverse, q = self._body.free, self.inverse, self._product
+        vectors = (self.residual, self._change, self.solution)
+        self._launch("start_smoother", free, inverse, residual, self._rates, self._caution, *vectors)
+        self._smooth(1)
+        self._operator.product(self._change, q)
+        coarse, tables = self.coarse, self._transfer
+        if self._elastic is not inverse:
+            self._launch("retire_filtered", free, self._elastic, inverse, q, self.residual, self._change)
+            coarse._launch("carry", self._change, tables.restrict, coarse.residual)
+        else:
+            self._launch("retire", free, q, self.residual)
+            coarse._launch("carry", self.residual, tables.restrict, coarse.residual)
+        coarse.cycle(coarse.residual)
+        correction = (self._change, self.solution)
+        if self._elastic is not inverse:
+            filters = (free, self._elastic, inverse)
+            self._launch("correct_filtered", coarse.solution, tables.prolong, *filters, *correction)
+        else:
+            self._launch("correct", coarse.solution, tables.prolong, free, *correction)
+        self._smooth(0)
+
+    def _smooth(self, first: int) -> None:
+        """Steps of the smoother, each from the change that the one before has made."""
+        for step in range(first, DEGREE):
+            self._operator.product(self._change, self._product)
+            vectors = (self.residual, self._change, self.solution)
+            inputs = (self._body.free, self.inverse, self._product, self._rates, self._caution, step)
+            self._launch("smooth", *inputs, *vectors)
+
+    def _launch(self, name: str, *inputs: Any) -> None:
+        kernel = getattr(self._kernels, name)
+        wp.launch(kernel, dim=self._body.layout.lane_dim, inputs=inputs, device=self._body.device)
+
+
+def chebyshev(smallest: float, largest: float, degree: int) -> list[tuple[float, float]]:
+    """Steps of the Chebyshev iteration for eigenvalues in an interval: d = keep d + rate D^-1 r, for each step.
+
+    Returns:
+        keep and rate of each step; the first keeps nothing.
+    """
+    centre, radius = 0.5 * (largest + smallest), 0.5 * (largest - smallest)
+    steps, rho = [(0.0, 1.0 / centre)], radius / centre
+    for _ in range(degree - 1):
+        following = 1.0 / (2.0 * centre / radius - rho)
+        steps.append((following * rho, 2.0 * following / radius))
+        rho = following
+    return steps
