@@ -15,9 +15,6 @@ from warpdeform.scene import Override
 from warpdeform.study.bench import kernels as kernel_bench
 from warpdeform.study.bench import scaling as scaling_bench
 from warpdeform.study.bench import step as step_bench
-from warpdeform.study.bench import step_traffic
-from warpdeform.study.bench.counting import Work
-from warpdeform.study.bench.interpreter import UncountableError
 from warpdeform.study.bench.kernels import bench_kernels
 from warpdeform.study.bench.machine import core_for, describe, one_core, sentence
 from warpdeform.study.bench.passes import PASSES, YARDSTICK, Sheet
@@ -149,10 +146,7 @@ def test_step_chooses_sizes_for_the_device(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_step_without_countable_kernels_has_no_share(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refused(launches: object) -> Work:
-        raise UncountableError("a mesh")
-
-    monkeypatch.setattr(step_traffic, "count", refused)
+    monkeypatch.setattr(step_bench, "run_traffic", lambda scene, steps: None)
     times = bench_step([9], newton=[1], repeats=1, overrides=[Override("scene.duration", 0.02)])
     assert times.runs[0].gb_per_s is None
     (row,) = [line for line in times.lines() if line.startswith("| 9 x 9 |")]

@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.kernels.krylov import krylov
 from warpdeform.kernels.lanes import kernel_module
+from warpdeform.kernels.multigrid import multigrid
+from warpdeform.linear.transfer import Transfer
 from warpdeform.scene import Override, load_scene
 from warpdeform.study.bench.counting import Launch, count, recorded_launches
 from warpdeform.study.bench.interpreter import UncountableError, run_thread
 from warpdeform.study.bench.passes import PASSES, YARDSTICK, Pass, Sheet
-from warpdeform.study.bench.step_traffic import step_traffic
+from warpdeform.study.bench.run_traffic import run_traffic
 
 CPU = wp.get_device("cpu")
 MARK = 12345.0
@@ -78,9 +81,11 @@ def test_components_are_those_that_the_compiled_kernels_touch() -> None:
                 read.add((position, component))
             restore()
         thread = run_thread(launch.kernel, launch.threads, launch.arguments)
-        in_planes = set(planes(launch))
-        assert thread.read & in_planes == read, name
-        assert thread.written & in_planes == written, name
+        arrays_met = [a for a in launch.arguments if isinstance(a, wp.array)]
+        assert all(met is given for met, given in zip(thread.arrays, arrays_met, strict=True))
+        positions = [k for k, a in enumerate(launch.arguments) if isinstance(a, wp.array)]
+        for found, expected in ((thread.read, read), (thread.written, written)):
+            assert {(positions[place], c) for place, c in found} & set(planes(launch)) == expected, name
 
 
 def test_yardstick_by_hand() -> None:
@@ -138,12 +143,53 @@ def test_what_cannot_be_counted_is_refused() -> None:
         count([launch])
 
 
-def test_an_iteration_of_the_solver_is_the_one_that_is_timed() -> None:
+def test_picked_entries_count_as_the_whole_component() -> None:
+    """Restriction reads a whole fine vector, not as many entries as it writes."""
+    grids = [ParameterGrid((n, n), (1.0 / (n - 1), 1.0 / (n - 1))) for n in (65, 33)]
+    fine_layout = Layout((65, 65), 16)
+    transfer = Transfer(grids[0], fine_layout, grids[1], wp.float32, CPU)
+    fine, coarse = (
+        wp.zeros((3, layout.rows, layout.columns), dtype=wp.float32, device=CPU)
+        for layout in (fine_layout, transfer.layout)
+    )
+    carry = multigrid(16, wp.float32).carry
+    tables = transfer.restrict
+    lists = sum(a.size * 4 for a in (tables.rows, tables.row_weights, tables.columns, tables.column_weights))
+    down = count([Launch(carry, transfer.layout.lane_dim, (fine, tables, coarse))])
+    expected = 4 * 3 * (65 * 80 + 33 * 48)
+    assert expected < down.bytes <= expected + lists
+    up = count([Launch(carry, fine_layout.lane_dim, (coarse, transfer.prolong, fine))])
+    assert up.bytes == pytest.approx(expected, rel=0.1)
+    assert up.working_set == up.bytes
+
+
+@pytest.mark.parametrize("preconditioner", ["block-jacobi", "multigrid"])
+def test_traffic_of_a_run_is_that_of_its_iterations(preconditioner: str) -> None:
     nodes = 33
-    overrides = {"body.0.nodes": [nodes, nodes], "solver.device": "cpu", "solver.preconditioner": "block-jacobi"}
-    found = step_traffic(load_scene("hanging", [Override(key, value) for key, value in overrides.items()]))
-    assert found is not None
+
+    def traffic(iterations: int) -> float:
+        overrides = {
+            "body.0.nodes": [nodes, nodes],
+            "solver.device": "cpu",
+            "solver.preconditioner": preconditioner,
+            "solver.newton_iterations": 1,
+            "solver.cg_tolerance": 1e-7,
+            "solver.cg_iterations": iterations,
+        }
+        found = run_traffic(load_scene("hanging", [Override(key, value) for key, value in overrides.items()]), 1)
+        assert found is not None
+        return found
+
+    one, two, three = (traffic(iterations) for iterations in (1, 2, 3))
+    assert three - two == two - one
     iteration = next(each for each in PASSES if each.name.startswith("CG iteration"))
-    assert found.per_cg == count(launches_of(iteration, Sheet(nodes, "float32", 16, CPU))).bytes
-    assert min(found.per_newton, found.per_step) > found.per_cg
-    assert found.total(2, 3, 4) == 2 * found.per_step + 3 * found.per_newton + 4 * found.per_cg
+    timed = count(launches_of(iteration, Sheet(nodes, "float32", 16, CPU))).bytes
+    if preconditioner == "block-jacobi":
+        assert two - one == timed
+    else:
+        assert two - one > 2 * timed
+
+
+def test_runs_with_obstacles_are_not_counted() -> None:
+    overrides = {"body.0.nodes": [5, 5], "solver.device": "cpu"}
+    assert run_traffic(load_scene("carpet", [Override(key, value) for key, value in overrides.items()]), 1) is None

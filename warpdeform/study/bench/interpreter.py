@@ -17,6 +17,8 @@ import warp as wp
 from warpdeform.errors import WarpdeformError
 from warpdeform.kernels.lanes import lanes
 
+MOST_FLOPS = 1_000_000
+"""Operations after which a thread is taken to loop on what only a device knows."""
 SCALARS = (wp.float16, wp.float32, wp.float64, wp.int32, wp.int64)
 
 
@@ -31,14 +33,18 @@ class Thread:
     Attributes:
         width: Lanes of the kernel.
         flops: Floating-point operations of all its lanes: additions, products, quotients, roots, maxima, one each.
-        read: Components read over whole lane groups, as (position of the argument, component).
+        arrays: The arrays that it met, those in structs included.
+        read: Components read over whole lane groups, as (place in `arrays`, component).
         written: The same, written.
-        read_cells: Single entries read, as (position of the argument, index in memory order).
+        picked: Components of which lanes picked entries here and there.
+        read_cells: Single entries read, as (place in `arrays`, index in memory order).
         written_cells: The same, written.
     """
 
     width: int
     flops: int = 0
+    arrays: list[wp.array] = field(default_factory=list)
+    picked: set[tuple[int, int]] = field(default_factory=set)
     read: set[tuple[int, int]] = field(default_factory=set)
     written: set[tuple[int, int]] = field(default_factory=set)
     read_cells: set[tuple[int, int]] = field(default_factory=set)
@@ -48,6 +54,8 @@ class Thread:
         """The result of one operation."""
         width = max((n.lanes for n in operands if isinstance(n, _Number)), default=1)
         self.flops += width
+        if self.flops > MOST_FLOPS * self.width:
+            raise UncountableError("it does not come to an end")
         return _Number(self, width)
 
 
@@ -65,10 +73,9 @@ def run_thread(kernel: wp.Kernel, threads: Sequence[int], arguments: Sequence[An
     width = inspect.getclosurevars(kernel.func).nonlocals.get("width", 1)
     thread = Thread(width)
     world = _World(thread, 0 if len(threads) == 1 else (0,) * len(threads))
-    given = [_Array(thread, k, a) if isinstance(a, wp.array) else _plain(a) for k, a in enumerate(arguments)]
     try:
-        world.stand_in(kernel.func)(*given)
-    except (TypeError, AttributeError, IndexError) as error:
+        world.stand_in(kernel.func)(*(_argument(thread, a) for a in arguments))
+    except (TypeError, AttributeError, LookupError, ValueError, UncountableError) as error:
         raise UncountableError(f"the work of {kernel.key} cannot be counted: {error}") from error
     return thread
 
@@ -96,25 +103,44 @@ class _Number:
 class _Array:
     """An array argument: its shape, and a note of every access."""
 
-    def __init__(self, thread: Thread, position: int, array: wp.array) -> None:
-        self._thread, self._position, self.shape = thread, position, array.shape
+    def __init__(self, thread: Thread, array: wp.array) -> None:
+        self._thread, self._place, self.shape = thread, len(thread.arrays), array.shape
+        thread.arrays.append(array)
 
     def load(self, component: int) -> _Number:
-        self._thread.read.add((self._position, component))
+        self._thread.read.add((self._place, component))
+        return _Number(self._thread, self._thread.width)
+
+    def pick(self, component: int) -> _Number:
+        self._thread.picked.add((self._place, component))
         return _Number(self._thread, self._thread.width)
 
     def store(self, component: int) -> None:
-        self._thread.written.add((self._position, component))
+        self._thread.written.add((self._place, component))
 
-    def _cell(self, index: int | tuple[int, ...]) -> tuple[int, int]:
-        return self._position, int(np.ravel_multi_index(index if isinstance(index, tuple) else (index,), self.shape))
+    def _cell(self, index: Any) -> tuple[int, int]:
+        """An entry; where a number of the device is the index, the first stands for all."""
+        known = (0 if isinstance(k, _Number) else k for k in (index if isinstance(index, tuple) else (index,)))
+        return self._place, int(np.ravel_multi_index(tuple(known), self.shape))
 
-    def __getitem__(self, index: int | tuple[int, ...]) -> _Number:
+    def __getitem__(self, index: Any) -> _Number:
         self._thread.read_cells.add(self._cell(index))
         return _Number(self._thread, 1)
 
-    def __setitem__(self, index: int | tuple[int, ...], value: Any) -> None:
+    def __setitem__(self, index: Any, value: Any) -> None:
         self._thread.written_cells.add(self._cell(index))
+
+
+class _Struct:
+    """A struct argument: its members as arguments of their own."""
+
+    def __init__(self, thread: Thread, struct: Any) -> None:
+        self._thread, self._struct = thread, struct
+
+    def __getattr__(self, name: str) -> Any:
+        member = _argument(self._thread, getattr(self._struct, name))
+        setattr(self, name, member)  # the same array at every access
+        return member
 
 
 class _World:
@@ -130,6 +156,7 @@ class _World:
         }
         for name, components in (("1", 1), ("3", 3), ("6", 6)):
             self._words[f"load{name}"] = self._load(components)
+            self._words[f"pick{name}"] = self._pick(components)
             self._words[f"store{name}"] = self._store(components)
         self._warp = _Warp(self, thread, index)
 
@@ -167,10 +194,16 @@ class _World:
 
     def _load(self, components: int) -> Callable[..., Any]:
         def load(a: _Array, first: int, i: int, j: int) -> Any:
-            found = [a.load(first + k) for k in range(components)]
-            return found[0] if components == 1 else np.array(found, dtype=object)
+            return _together([a.load(first + k) for k in range(components)])
 
         return load
+
+    def _pick(self, components: int) -> Callable[..., Any]:
+        def pick(a: _Array, first: int, i: int, columns: _Array, tap: int, j: int) -> Any:
+            columns.load(tap)
+            return _together([a.pick(first + k) for k in range(components)])
+
+        return pick
 
     def _store(self, components: int) -> Callable[..., None]:
         def store(a: _Array, first: int, i: int, j: int, value: Any) -> None:
@@ -200,6 +233,17 @@ class _Warp:
 def _plain(value: Any = 0.0) -> Any:
     """A constant of Warp as a number of Python; anything else as it is."""
     return value.value if isinstance(value, SCALARS) else value
+
+
+def _argument(thread: Thread, argument: Any) -> Any:
+    """What stands for an argument of a kernel, or a member of a struct."""
+    if isinstance(argument, wp.array):
+        return _Array(thread, argument)
+    return _plain(argument) if isinstance(argument, (bool, int, float, *SCALARS)) else _Struct(thread, argument)
+
+
+def _together(components: list[_Number]) -> Any:
+    return components[0] if len(components) == 1 else np.array(components, dtype=object)
 
 
 def _vector(length: int) -> Callable[..., Any]:

@@ -9,8 +9,8 @@ from warpdeform.device import find_device
 from warpdeform.scene import Override
 from warpdeform.scene.play import simulation_of
 from warpdeform.study.bench.machine import core_for, describe
+from warpdeform.study.bench.run_traffic import copy_bandwidth, run_traffic
 from warpdeform.study.bench.runs import Runs, scene_of, time_runs
-from warpdeform.study.bench.step_traffic import StepTraffic, copy_bandwidth, step_traffic
 from warpdeform.study.bench.table import Target, table, targets_lines, three_digits
 
 SCENE = "hanging"
@@ -136,18 +136,17 @@ def bench_step(
         copies = copy_bandwidth(found)
         for nodes, iterations, built in scenes:
             said(f"{nodes} x {nodes}, {iterations} Newton iterations per step")
-            traffic = step_traffic(built)
             steps = (built.frames - 1) * built.settings.substeps
+            traffic = run_traffic(built, steps)
             runs = time_runs(simulation_of(built), steps, repeats=repeats)
             times.append(_summary(runs, nodes, iterations, traffic, copies))
     targets = _targets(times, scene, str(found))
     return StepTimes(machine, scene, str(found), precision, chosen, repeats, copies, tuple(times), targets)
 
 
-def _summary(runs: Runs, nodes: int, newton: int, traffic: StepTraffic | None, copies: float) -> StepTime:
-    median, gb_per_s = statistics.median(runs.seconds), None
-    if traffic is not None:
-        gb_per_s = 1e-9 * traffic.total(runs.steps, runs.newton_iterations, runs.cg_iterations) / median
+def _summary(runs: Runs, nodes: int, newton: int, traffic: float | None, copies: float) -> StepTime:
+    median = statistics.median(runs.seconds)
+    gb_per_s = 1e-9 * traffic / median if traffic is not None else None
     return StepTime(
         nodes=nodes,
         newton=newton,
