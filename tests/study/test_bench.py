@@ -2,6 +2,8 @@
 
 import json
 import os
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,12 +11,17 @@ import warp as wp
 from typer.testing import CliRunner
 
 from warpdeform.cli import app
+from warpdeform.scene import Override
 from warpdeform.study.bench import kernels as kernel_bench
+from warpdeform.study.bench import scaling as scaling_bench
+from warpdeform.study.bench import step as step_bench
 from warpdeform.study.bench.kernels import bench_kernels
-from warpdeform.study.bench.machine import describe, one_core, sentence
+from warpdeform.study.bench.machine import core_for, describe, one_core, sentence
 from warpdeform.study.bench.passes import PASSES, YARDSTICK, Sheet
 from warpdeform.study.bench.start import _COMPILED
-from warpdeform.study.bench.table import Target, table, targets_lines
+from warpdeform.study.bench.step import SIZES, bench_step
+from warpdeform.study.bench.stream import streams
+from warpdeform.study.bench.table import Target, table, targets_lines, three_digits
 from warpdeform.study.bench.yardstick import FLUXES, WEIGHTS, yardstick
 
 FEW = [each for each in PASSES if each.name in (YARDSTICK, "membrane flux", "membrane product")]
@@ -79,6 +86,36 @@ def test_kernels_compare_lane_widths_and_the_yardstick() -> None:
     assert "times the yardstick, median (limit 1.3)" in text
 
 
+def test_kernels_say_what_they_move_and_compute() -> None:
+    times = bench_kernels([32], repeats=1, passes=FEW)
+    found = {(t.name, t.width): t.traffic for t in times.passes}
+    assert all((traffic is None) == (width == 1) for (_, width), traffic in found.items())
+    flux = found["membrane flux", 16]
+    assert flux is not None
+    assert (flux.bytes_per_node, flux.flops_per_node) == (100, 171)
+    assert flux.working_set_mb == pytest.approx(100e-6 * 32 * 32)
+    time = next(t for t in times.passes if t.name == "membrane flux" and t.width == 16)
+    assert flux.gb_per_s == pytest.approx(100 / time.fastest_ns)
+    assert flux.gflop_per_s == pytest.approx(171 / time.fastest_ns)
+    assert flux.share == pytest.approx(flux.gb_per_s / flux.stream_gb_per_s)
+    assert any(line.startswith("| membrane flux    |        100 |        171 |") for line in times.lines())
+
+
+@pytest.mark.parametrize(("width", "threads"), [(1, 12), (1, 1), (16, 1)])
+def test_streams_go_through_every_entry(width: int, threads: int) -> None:
+    rows, nodes, vectors = 3, 16 if width == 16 else 12, 2
+    rng = np.random.default_rng(2)
+    a, b = rng.uniform(-1, 1, (2, 3 * vectors, rows + 2, nodes + 2 * width)).astype(np.float32)
+    out = wp.array(np.full_like(a, np.nan), dtype=wp.float32, device="cpu")
+    given = [wp.array(values, dtype=wp.float32, device="cpu") for values in (a, b)]
+    kernels, inside = streams(width, wp.float32), np.s_[:, 1:-1, width:-width]
+    for kernel, arrays, expected in ((kernels.copy, given[:1], a), (kernels.triad, given, a + np.float32(0.5) * b)):
+        wp.launch(kernel, dim=(vectors, rows, threads), inputs=[*arrays, threads], outputs=[out], device="cpu")
+        np.testing.assert_allclose(out.numpy()[inside], expected[inside], rtol=1e-6)
+        assert np.isnan(out.numpy()[:, 0]).all()
+        out.fill_(np.nan)
+
+
 def test_kernels_as_json(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(kernel_bench, "PASSES", FEW)
     found = bench("kernels", "--sizes", "9", "--repeats", "1", "--precision", "float64")
@@ -97,6 +134,59 @@ def test_step_as_json() -> None:
     assert run["median"] > 0
     assert run["bytes_per_node"] > 0
     assert found["core"] is None or found["core"] in os.sched_getaffinity(0)
+    assert run["ms_per_step"] == pytest.approx(1e3 * run["median"] * run["sim_s"] / run["steps"])
+    assert run["share_of_copy"] == pytest.approx(run["gb_per_s"] / found["copy_gb_per_s"])
+
+
+def test_step_chooses_sizes_for_the_device(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(step_bench, "SIZES", {"cpu": (9, 10), "cuda": ()})
+    found = bench("step", "--newton", "1", "--repeats", "1", "--set", "scene.duration=0.02")
+    assert [run["nodes"] for run in found["runs"]] == [9, 10]
+    assert max(SIZES["cuda"]) == 2048
+
+
+def test_step_without_countable_kernels_has_no_share(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(step_bench, "run_traffic", lambda scene, steps: None)
+    times = bench_step([9], newton=[1], repeats=1, overrides=[Override("scene.duration", 0.02)])
+    assert times.runs[0].gb_per_s is None
+    (row,) = [line for line in times.lines() if line.startswith("| 9 x 9 |")]
+    assert row.endswith("|    - |             - |")
+
+
+@pytest.mark.gpu
+@pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device")
+def test_step_on_a_gpu() -> None:
+    found = bench("step", "--device", "cuda:0", "--sizes", "64", "--repeats", "1", "--set", "scene.duration=0.1")
+    assert found["core"] is None
+    assert all(0 < run["share_of_copy"] < 1 for run in found["runs"])
+
+
+def test_scaling_as_json(tmp_path: Path) -> None:
+    picture = tmp_path / "scaling.png"
+    options = ("--duration", "0.05", "--set", "solver.newton_iterations=1", "--picture", str(picture))
+    found = bench("scaling", "--sizes", "9,64", *options)
+    small, reference = found["sizes"]
+    assert (small["side"], small["nodes"], small["steps"]) == (9, 81, 3)
+    assert small["newton_per_step"] == 1
+    assert small["cg_per_step"] > 1
+    assert reference["growth"] == 1
+    ratio = small["ns_per_node_per_step"] / reference["ns_per_node_per_step"]
+    assert small["growth"] == pytest.approx(ratio)
+    assert small["ns_per_node_per_step"] == pytest.approx(1e9 * small["median"] * 0.05 / (81 * 3))
+    assert small["bytes_per_node"] > reference["bytes_per_node"] > 0
+    assert found["targets"] == []
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_scaling_as_a_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scaling_bench, "LARGEST", 9)
+    monkeypatch.setattr(scaling_bench, "REFERENCE", 10)
+    monkeypatch.setattr(scaling_bench, "LEAST_S", 0.0)
+    result = CliRunner().invoke(app, ["bench", "scaling", "--sizes", "10,9", "--duration", "0.05"])
+    assert result.exit_code == 0, result.output
+    assert "hanging, float32, cpu" in result.stdout
+    assert "| 10 x 10 |    1 |     3 |" in result.stdout
+    assert "times the cost per node and step (limit 1.5)" in result.stdout
 
 
 def test_step_as_a_table() -> None:
@@ -136,6 +226,11 @@ def test_lines_about_modules_are_understood() -> None:
         (["kernels", "--device", "tpu"], "device = tpu: does not exist"),
         (["step", "--newton", "-1"], "--newton = -1"),
         (["step", "--scene", "nowhere"], "nowhere"),
+        (["step", "--set", "solver.device=cuda:0"], "--set solver.device = cuda:0: is set by the benchmark"),
+        (["scaling", "--sizes", "9", "--scene", "nowhere"], "nowhere"),
+        (["scaling", "--sizes", "9", "--duration", "-1"], "scene.duration"),
+        (["scaling", "--picture", "s.txt"], "--picture = s.txt: is no kind of picture"),
+        (["scaling", "--picture", "nowhere/s.png"], "lies in a folder that does not exist"),
         (["start", "--scene", "nowhere"], "nowhere"),
     ],
 )
@@ -169,8 +264,22 @@ def test_tables_align() -> None:
     ]
 
 
+def test_numbers_have_three_digits_and_no_exponent() -> None:
+    assert [three_digits(x) for x in (0.01234, 1.0, 999.4, 999.6, 12345.6)] == ["0.0123", "1", "999", "1000", "12346"]
+
+
 def test_targets_say_whether_they_are_met() -> None:
     assert targets_lines([Target("x", "s", 0.4, 0.5), Target("y", "s", 0.6, 0.5)]) == [
         "met   x: 0.4 s (limit 0.5)",
         "MISS  y: 0.6 s (limit 0.5)",
     ]
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="the system does not let a process choose its core")
+def test_a_gpu_keeps_all_cores() -> None:
+    before = os.sched_getaffinity(0)
+    with core_for(SimpleNamespace(is_cuda=True), min(before)) as core:
+        assert core is None
+        assert os.sched_getaffinity(0) == before
+    with core_for(SimpleNamespace(is_cuda=False), max(before)) as core:
+        assert os.sched_getaffinity(0) == {max(before)} == {core}

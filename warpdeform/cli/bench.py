@@ -1,8 +1,9 @@
-"""`warpdeform bench`: what kernels, steps and starts cost on this machine."""
+"""`warpdeform bench`: what kernels, steps and starts cost on this machine, and how the cost grows."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 import typer
@@ -65,7 +66,10 @@ def kernels(
 @bench.command()
 @ending_well
 def step(
-    sizes: Sizes = "32,64,128",
+    sizes: Annotated[
+        str | None,
+        typer.Option("--sizes", metavar="N,N,...", help="Nodes along each side; 32 to 128, on CUDA 64 to 2048."),
+    ] = None,
     newton: Annotated[str, typer.Option("--newton", metavar="N,N,...", help="Newton iterations per step.")] = "1,2",
     scene: Annotated[str, typer.Option("--scene", help="Name or path of the scene.")] = "hanging",
     precision: Precision = None,
@@ -75,14 +79,14 @@ def step(
     sets: Set = None,
     as_json: Json = False,
 ) -> None:
-    """Time a scene on one core: CPU seconds per simulated second, iterations, memory."""
+    """Time a scene on one core or a GPU: seconds per simulated second, iterations, memory, share of copy bandwidth."""
 
     def run() -> Result:
         from warpdeform.scene import parse_override
         from warpdeform.study.bench.step import bench_step
 
         return bench_step(
-            _numbers("--sizes", sizes),
+            _numbers("--sizes", sizes) if sizes else None,
             newton=_numbers("--newton", newton, least=0),
             scene=scene,
             precision=_checked(precision),
@@ -92,6 +96,47 @@ def step(
             overrides=[parse_override(text) for text in sets or ()],
             said=_say,
         )
+
+    _report(run, as_json)
+
+
+@bench.command()
+@ending_well
+def scaling(
+    sizes: Sizes = "16,32,64,128,256,512,1024",
+    scene: Annotated[str, typer.Option("--scene", help="Name or path of the scene.")] = "hanging",
+    duration: Annotated[float, typer.Option("--duration", help="Simulated time of every size [s].")] = 0.5,
+    precision: Precision = None,
+    device: BenchDevice = "cpu",
+    core: Core = None,
+    sets: Set = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", metavar="FILE", help="Draw the curves (.png, .svg, .pdf).")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Time a scene on finer and finer grids: cost per node and step, iterations, memory."""
+
+    def run() -> Result:
+        from warpdeform.scene import parse_override
+        from warpdeform.study.bench.scaling import bench_scaling
+        from warpdeform.study.bench.scaling_picture import check_picture, draw_scaling
+
+        if picture is not None:
+            check_picture(picture)
+        found = bench_scaling(
+            _numbers("--sizes", sizes),
+            scene=scene,
+            duration=duration,
+            precision=_checked(precision),
+            device=device,
+            core=core,
+            overrides=[parse_override(text) for text in sets or ()],
+            said=_say,
+        )
+        if picture is not None:
+            draw_scaling(found, picture)
+        return found
 
     _report(run, as_json)
 

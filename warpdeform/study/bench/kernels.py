@@ -1,22 +1,48 @@
-"""`bench kernels`: time per node of every pass, at the CPU's lane width and at width 1, beside the yardstick."""
+"""`bench kernels`: time and traffic of every pass, per node, beside a yardstick and the bandwidth of the machine."""
 
 import statistics
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import Any
-
-import warp as wp
 
 from warpdeform.device import find_device
 from warpdeform.model import LANE_WIDTHS
-from warpdeform.study.bench.machine import clock_of, describe, one_core
+from warpdeform.study.bench.counting import Work, count, recorded_launches
+from warpdeform.study.bench.machine import core_for, describe
 from warpdeform.study.bench.passes import PASSES, YARDSTICK, Limit, Pass, Sheet
+from warpdeform.study.bench.sampling import Sample
+from warpdeform.study.bench.stream import Stream
 from warpdeform.study.bench.table import Target, table, targets_lines
 
-NODES_PER_SAMPLE = 1 << 17
-"""Work of one sample: small grids repeat a pass this many nodes long, so that no sample is shorter than the clock."""
 LIMITS_FROM = 64
 """Nodes along a side from which on the limits hold: shorter rows leave lanes empty."""
+_TRAFFIC_HEADER = (
+    "pass", "bytes/node", "flops/node", "set, MB", "GB/s", "stream GB/s", "share", "GFlop/s",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Traffic:
+    """What a pass moves and computes, counted from the source of its kernels, and how fast, by its minimum.
+
+    Attributes:
+        bytes_per_node: Compulsory traffic: each component that a launch reads or writes, once.
+        flops_per_node: Floating-point operations.
+        working_set_mb: All components that the pass touches [MB].
+        gb_per_s: Bytes over time.
+        stream_gb_per_s: What a copy or triad of the same working set reaches, whichever is higher.
+        share: Share of `stream_gb_per_s`.
+        gflop_per_s: Operations over time.
+    """
+
+    bytes_per_node: float
+    flops_per_node: float
+    working_set_mb: float
+    gb_per_s: float
+    stream_gb_per_s: float
+    share: float
+    gflop_per_s: float
 
 
 @dataclass(frozen=True)
@@ -32,6 +58,7 @@ class PassTime:
         over_yardstick: Ratio to the yardstick of the same width, grid and round: median over the rounds.
         fastest_over_yardstick: Ratio of the minima.
         over_wide: Ratio to the same pass at the widest lanes, of the minima.
+        traffic: What it moves and computes, at the widest lanes.
     """
 
     name: str
@@ -42,6 +69,7 @@ class PassTime:
     over_yardstick: float
     fastest_over_yardstick: float
     over_wide: float
+    traffic: Traffic | None
 
 
 @dataclass(frozen=True)
@@ -66,6 +94,8 @@ class KernelTimes:
             here = [p for p in self.passes if p.nodes == nodes]
             lines += [f"{nodes} x {nodes} nodes, {self.precision}, {self.device}: ns per node", ""]
             lines += table(_header(here), [_row(here, name) for name in dict.fromkeys(p.name for p in here)])
+            lines += ["", "traffic of the widest lanes, by the minimum; stream: a copy or triad of arrays as large", ""]
+            lines += table(_TRAFFIC_HEADER, [_traffic_row(p.name, p.traffic) for p in here if p.traffic is not None])
             lines.append("")
         return lines + targets_lines(self.targets)
 
@@ -100,54 +130,50 @@ def bench_kernels(
     found = find_device(device)
     widths = (1,) if found.is_cuda else (LANE_WIDTHS[precision], 1)
     machine, chosen = describe(), PASSES if passes is None else passes
-    with one_core(None if found.is_cuda else core):
-        samples = []
+    with core_for(found, core):
+        samples: list[_PassSample] = []
+        streams: dict[tuple[int, int], Stream] = {}
         for nodes in sizes:
             said(f"{nodes} x {nodes}: preparing")
             sheets = [Sheet(nodes, precision, width, found) for width in widths]
-            samples += [_Sample(each, sheet, found) for sheet in sheets for each in chosen]
+            samples += [_PassSample(each, sheet) for sheet in sheets for each in chosen]
+            wanted = {s.vectors for s in samples if s.key[:2] == (nodes, widths[0])}
+            streams |= {(nodes, vectors): Stream(sheets[0], vectors) for vectors in wanted}
         for k in range(repeats):
             said(f"round {k + 1} of {repeats}")
             for sample in samples:
                 sample.time()
-    times = tuple(_summary(samples, widths[0]))
+            for stream in streams.values():
+                stream.time()
+    bandwidths = {key: each.gb_per_s() for key, each in streams.items()}
+    times = tuple(_summary(samples, widths[0], bandwidths))
     return KernelTimes(machine, str(found), precision, repeats, times, _targets(times, widths[0], precision))
 
 
-class _Sample:
-    """A pass on a sheet, recorded as a graph; it keeps the sheet's arrays alive, which the graph does not.
+class _PassSample(Sample):
+    """Samples of a pass on a sheet.
 
     Attributes:
         key: Nodes along each side, lane width, name of the pass.
-        seconds: Times per node of the rounds so far [s].
+        work: What the pass moves and computes, all nodes together.
+        vectors: Its working set, in vectors per node.
     """
 
-    def __init__(self, each: Pass, sheet: Sheet, device: Any) -> None:
-        count = sheet.state.model.grid.node_count
-        self.key = (sheet.state.layout.nodes[0], sheet.width, each.name)
-        self.seconds: list[float] = []
-        self._sheet, self._device, self._clock = sheet, device, clock_of(device)
-        copies = max(1, NODES_PER_SAMPLE // count)
-        self._node_passes = copies * count
-        each.launch(sheet)  # loads the kernels, which a capture may not
-        with wp.ScopedCapture(device=device) as capture:
-            for _ in range(copies):
-                each.launch(sheet)
-        self._graph = capture.graph
-
-    def time(self) -> None:
-        """Take one more time."""
-        wp.capture_launch(self._graph)  # brings the arrays into the cache, as far as they fit
-        wp.synchronize_device(self._device)
-        start = self._clock()
-        wp.capture_launch(self._graph)
-        wp.synchronize_device(self._device)
-        self.seconds.append((self._clock() - start) / self._node_passes)
+    def __init__(self, each: Pass, sheet: Sheet) -> None:
+        with recorded_launches() as launches:
+            each.launch(sheet)
+        self.key = (sheet.dim[0], sheet.width, each.name)
+        self.work: Work = count(launches)
+        self.vectors = round(self.work.working_set / (sheet.node_count * sheet.vector_size))
+        super().__init__(partial(each.launch, sheet), sheet.node_count, sheet.device)
 
 
-def _summary(samples: Sequence[_Sample], widest: int) -> Iterator[PassTime]:
+def _summary(
+    samples: Sequence[_PassSample], widest: int, bandwidths: Mapping[tuple[int, int], float]
+) -> Iterator[PassTime]:
     seconds = {sample.key: sample.seconds for sample in samples}
-    for (nodes, width, name), values in seconds.items():
+    for sample in samples:
+        (nodes, width, name), values = sample.key, sample.seconds
         yard = seconds[nodes, width, YARDSTICK]
         yield PassTime(
             name=name,
@@ -158,7 +184,22 @@ def _summary(samples: Sequence[_Sample], widest: int) -> Iterator[PassTime]:
             over_yardstick=statistics.median(v / y for v, y in zip(values, yard, strict=True)),
             fastest_over_yardstick=min(values) / min(yard),
             over_wide=min(values) / min(seconds[nodes, widest, name]),
+            traffic=_traffic(sample, bandwidths[nodes, sample.vectors]) if width == widest else None,
         )
+
+
+def _traffic(sample: _PassSample, stream_gb_per_s: float) -> Traffic:
+    work, nodes, fastest_ns = sample.work, sample.nodes, 1e9 * min(sample.seconds)
+    gb_per_s = work.bytes / nodes / fastest_ns
+    return Traffic(
+        bytes_per_node=work.bytes / nodes,
+        flops_per_node=work.flops / nodes,
+        working_set_mb=1e-6 * work.working_set,
+        gb_per_s=gb_per_s,
+        stream_gb_per_s=stream_gb_per_s,
+        share=gb_per_s / stream_gb_per_s,
+        gflop_per_s=work.flops / nodes / fastest_ns,
+    )
 
 
 def _targets(times: Sequence[PassTime], width: int, precision: str) -> tuple[Target, ...]:
@@ -193,3 +234,16 @@ def _row(times: Sequence[PassTime], name: str) -> list[str]:
     for time in here:
         row += [f"{time.fastest_ns:.2f}", f"{time.median_ns:.2f}", f"{time.over_yardstick:.2f}"]
     return row + ([f"{here[-1].over_wide:.1f}"] if len(here) > 1 else [])
+
+
+def _traffic_row(name: str, t: Traffic) -> list[str]:
+    return [
+        name,
+        f"{t.bytes_per_node:.0f}",
+        f"{t.flops_per_node:.0f}",
+        f"{t.working_set_mb:.1f}",
+        f"{t.gb_per_s:.1f}",
+        f"{t.stream_gb_per_s:.1f}",
+        f"{t.share:.0%}",
+        f"{t.gflop_per_s:.1f}",
+    ]

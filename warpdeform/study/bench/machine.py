@@ -62,6 +62,20 @@ def one_core(core: int | None = None) -> Iterator[int | None]:
         os.sched_setaffinity(0, allowed)
 
 
+@contextmanager
+def core_for(device: Any, core: int | None = None) -> Iterator[int | None]:
+    """`one_core` where kernels run on the CPU; a GPU's driver keeps all its cores.
+
+    Yields:
+        The core, or None where the process keeps them all.
+    """
+    if device.is_cuda:
+        yield None
+        return
+    with one_core(core) as chosen:
+        yield chosen
+
+
 def clock_of(device: Any) -> Callable[[], float]:
     """The clock [s] to time work on a device by: CPU time of this thread on the CPU, wall time elsewhere.
 

@@ -31,6 +31,11 @@ class Sheet:
         precision: "float32" or "float64".
         width: Lane width.
         device: Warp device.
+
+    Attributes:
+        node_count: Nodes in all.
+        dim: Threads along each axis of a launch over lane groups.
+        vector_size: Bytes of a vector.
     """
 
     def __init__(self, nodes: int, precision: str, width: int, device: Any) -> None:
@@ -39,23 +44,21 @@ class Sheet:
         shell = replace(cloth, bending_stiffness=1e-5)
         model = Model(Body("sheet", shape, shell), precision, device, width)
         self.state = State(model, wp.zeros(1, dtype=wp.int32, device=device))
-        self.real, self.width, self._device = model.real, width, device
-        self._dim = model.layout.lane_dim
+        self.real, self.width, self.device = model.real, width, device
+        self.vector_size = 3 * int(wp.types.type_size_in_bytes(model.real))
+        self.node_count, self.dim = model.grid.node_count, model.layout.lane_dim
         self.membrane, self.shell = (
             SurfaceElasticity(model.grid, model.layout, shape.positions, material, model.real, device)
             for material in (cloth, shell)
         )
-        random = np.random.default_rng(0)
+        self._random = np.random.default_rng(0)
         edge = 1.0 / (nodes - 1)
-
-        def vectors(components: int = 3) -> wp.array:
-            return model.upload(random.uniform(-1.0, 1.0, (nodes, nodes, components)))
-
-        self.x = model.upload(shape.positions + 0.2 * edge * random.uniform(-1.0, 1.0, (nodes, nodes, 3)))
-        self.p, self.r, self.z, self.q = (vectors() for _ in range(4))
+        moved = 0.2 * edge * self._random.uniform(-1.0, 1.0, (nodes, nodes, 3))
+        self.x = model.upload(shape.positions + moved)
+        self.p, self.r, self.z, self.q = (self.numbers(3) for _ in range(4))
         self.sum = model.zeros(3)
-        self.blocks, self.inverse = model.zeros(6), vectors(6)
-        self.weights = vectors(WEIGHTS)
+        self.blocks, self.inverse = model.zeros(6), self.numbers(6)
+        self.weights = self.numbers(WEIGHTS)
         self.flux_u, self.flux_v = model.zeros(FLUXES), model.zeros(FLUXES)
         self.per_spacing = model.real(1.0 / edge)
         self.inertia: wp.array = wp.array([3600.0], dtype=model.real, device=device)
@@ -66,9 +69,13 @@ class Sheet:
         self.membrane.linearise(self.state, self.x)
         self.shell.linearise(self.state, self.x)
 
+    def numbers(self, components: int) -> wp.array:
+        """A component array of random numbers between -1 and 1."""
+        return self.state.model.upload(self._random.uniform(-1.0, 1.0, (*self.state.layout.nodes, components)))
+
     def launch(self, kernel: Any, *inputs: Any, rows: bool = False) -> None:
         """Launch a kernel once per lane group, or once per row."""
-        wp.launch(kernel, dim=self._dim[0] if rows else self._dim, inputs=inputs, device=self._device)
+        wp.launch(kernel, dim=self.dim[0] if rows else self.dim, inputs=inputs, device=self.device)
 
     def flux(self, bending: bool) -> None:
         """The cell pass of the Hessian product."""

@@ -1,16 +1,17 @@
 """`bench step`: what a simulated second of a scene costs, on one core."""
 
 import statistics
-import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from warpdeform.scene import Override, load_scene
+from warpdeform.device import find_device
+from warpdeform.scene import Override
 from warpdeform.scene.play import simulation_of
-from warpdeform.simulation import Simulation
-from warpdeform.study.bench.machine import describe, one_core
-from warpdeform.study.bench.table import Target, table, targets_lines
+from warpdeform.study.bench.machine import core_for, describe
+from warpdeform.study.bench.run_traffic import copy_bandwidth, run_traffic
+from warpdeform.study.bench.runs import Runs, scene_of, time_runs
+from warpdeform.study.bench.table import Target, table, targets_lines, three_digits
 
 SCENE = "hanging"
 REAL_TIME_NODES = 64
@@ -18,9 +19,11 @@ REAL_TIME_NODES = 64
 MOST_BYTES = 1000.0
 """Device memory that a node may take [bytes], in sheets of at least LIMITS_FROM nodes along each side."""
 LIMITS_FROM = 32
+SIZES = {"cpu": (32, 64, 128), "cuda": (64, 128, 256, 512, 1024, 2048)}
+"""Nodes along each side, where none are asked for."""
 _HEADER = (
-    "sheet", "Newton per step", "s per s, min", "s per s, median", "ms per frame", "wall s per s",
-    "Newton", "CG", "CG capped", "ns/node/CG", "bytes/node",
+    "sheet", "Newton per step", "s per s, min", "s per s, median", "wall s per s", "ms per step",
+    "Newton", "CG", "CG capped", "ns/node/CG", "bytes/node", "GB/s", "share of copy",
 )  # fmt: skip
 
 
@@ -36,12 +39,14 @@ class StepTime:
         fastest: CPU seconds per simulated second, minimum over the repeats; wall seconds on CUDA.
         median: The same, median.
         wall: Wall seconds per simulated second, median.
-        ms_per_frame: CPU time per frame [ms], median.
+        ms_per_step: CPU time per step [ms], median; wall time on CUDA.
         newton_iterations: Newton iterations of a run.
         cg_iterations: Conjugate gradient iterations of a run.
         cg_capped: Linear solves of a run that reached their cap.
         ns_per_node_per_cg: Time of the whole run over nodes and conjugate gradient iterations [ns], median.
         bytes_per_node: Device memory [bytes].
+        gb_per_s: Compulsory traffic of the launches over the median time; None where it cannot be counted.
+        share_of_copy: The same over the bandwidth of copies in device memory; caches can lift it above 1.
     """
 
     nodes: int
@@ -51,17 +56,19 @@ class StepTime:
     fastest: float
     median: float
     wall: float
-    ms_per_frame: float
+    ms_per_step: float
     newton_iterations: int
     cg_iterations: int
     cg_capped: int
     ns_per_node_per_cg: float
     bytes_per_node: float
+    gb_per_s: float | None
+    share_of_copy: float | None
 
 
 @dataclass(frozen=True)
 class StepTimes:
-    """The result of `bench step`."""
+    """The result of `bench step`; `copy_gb_per_s` is the bandwidth of copies in device memory."""
 
     machine: dict[str, Any]
     scene: str
@@ -69,6 +76,7 @@ class StepTimes:
     precision: str
     core: int | None
     repeats: int
+    copy_gb_per_s: float
     runs: tuple[StepTime, ...]
     targets: tuple[Target, ...]
 
@@ -80,12 +88,14 @@ class StepTimes:
         """The table as people read it."""
         where = f"{self.device}, one core" if self.core is not None else self.device
         rows = [_row(run) for run in self.runs]
-        head = f"{self.scene}, {self.precision}, {where}: CPU seconds per simulated second, {self.repeats} runs"
-        return [head, "", *table(_HEADER, rows), "", *targets_lines(self.targets)]
+        clock = "CPU" if self.device == "cpu" else "wall"
+        head = f"{self.scene}, {self.precision}, {where}: {clock} seconds per simulated second, {self.repeats} runs"
+        memory = f"copies in device memory: {self.copy_gb_per_s:.1f} GB/s"
+        return [head, memory, "", *table(_HEADER, rows), "", *targets_lines(self.targets)]
 
 
 def bench_step(
-    sizes: Sequence[int],
+    sizes: Sequence[int] | None = None,
     *,
     newton: Sequence[int] = (1, 2),
     scene: str = SCENE,
@@ -99,12 +109,12 @@ def bench_step(
     """Run a scene over and over.
 
     Args:
-        sizes: Nodes along each side of the first body.
+        sizes: Nodes along each side of the first body; None takes those of SIZES for the device.
         newton: Newton iterations per step, one table row each.
         scene: Name or path of the scene.
         precision: "float32" or "float64".
         device: Warp device.
-        repeats: Runs that count, after one that warms up.
+        repeats: Runs that count, after one step that warms up.
         core: Core to stay on; None takes the first one allowed.
         overrides: Further values of the scene file.
         said: Told about progress.
@@ -112,53 +122,47 @@ def bench_step(
     Raises:
         InputError: The scene, device or an override is not in order.
     """
-    machine, overrides = describe(), list(overrides)
-    runs: list[StepTime] = []
-    found = ""
-    with one_core(core) as chosen:
-        for nodes in sizes:
-            for iterations in newton:
-                said(f"{nodes} x {nodes}, {iterations} Newton iterations per step")
-                values = {
-                    "body.0.nodes": [nodes, nodes],
-                    "solver.newton_iterations": iterations,
-                    "solver.precision": precision,
-                    "solver.device": device,
-                }
-                built = load_scene(scene, [Override(key, value) for key, value in values.items()] + overrides)
-                simulation = simulation_of(built)
-                found = str(simulation.device)
-                runs.append(_run(simulation, built.frames - 1, nodes, iterations, repeats))
-    return StepTimes(machine, scene, found, precision, chosen, repeats, tuple(runs), _targets(runs, scene, found))
+    machine, overrides, found = describe(), list(overrides), find_device(device)
+    sizes = sizes or SIZES["cuda" if found.is_cuda else "cpu"]
+    values = {"solver.precision": precision, "solver.device": str(found)}
+    scenes = [
+        (nodes, iterations, scene_of(scene, nodes, {**values, "solver.newton_iterations": iterations}, overrides))
+        for nodes in sizes
+        for iterations in newton
+    ]
+    times: list[StepTime] = []
+    with core_for(found, core) as chosen:
+        said("copies in device memory")
+        copies = copy_bandwidth(found)
+        for nodes, iterations, built in scenes:
+            said(f"{nodes} x {nodes}, {iterations} Newton iterations per step")
+            steps = (built.frames - 1) * built.settings.substeps
+            traffic = run_traffic(built, steps)
+            runs = time_runs(simulation_of(built), steps, repeats=repeats)
+            times.append(_summary(runs, nodes, iterations, traffic, copies))
+    targets = _targets(times, scene, str(found))
+    return StepTimes(machine, scene, str(found), precision, chosen, repeats, copies, tuple(times), targets)
 
 
-def _run(simulation: Simulation, frames: int, nodes: int, newton: int, repeats: int) -> StepTime:
-    clock = time.perf_counter if simulation.device.is_cuda else time.process_time
-    spent, wall = [], []
-    for repeat in range(repeats + 1):
-        simulation.reset()
-        start, start_wall = clock(), time.perf_counter()
-        for _ in range(frames):
-            simulation.advance_frame()
-        if repeat:  # the first run warms up
-            spent.append(clock() - start)
-            wall.append(time.perf_counter() - start_wall)
-    record, info = simulation.record(), simulation.info()
-    median = statistics.median(spent)
+def _summary(runs: Runs, nodes: int, newton: int, traffic: float | None, copies: float) -> StepTime:
+    median = statistics.median(runs.seconds)
+    gb_per_s = 1e-9 * traffic / median if traffic is not None else None
     return StepTime(
         nodes=nodes,
         newton=newton,
-        sim_s=record.sim_s,
-        steps=frames * simulation.settings.substeps,
-        fastest=min(spent) / record.sim_s,
-        median=median / record.sim_s,
-        wall=statistics.median(wall) / record.sim_s,
-        ms_per_frame=1e3 * median / frames,
-        newton_iterations=record.newton_iterations,
-        cg_iterations=record.cg_iterations,
-        cg_capped=record.cg_capped,
-        ns_per_node_per_cg=1e9 * median / record.nodes / max(record.cg_iterations, 1),
-        bytes_per_node=info.bytes_total / record.nodes,
+        sim_s=runs.sim_s,
+        steps=runs.steps,
+        fastest=min(runs.seconds) / runs.sim_s,
+        median=median / runs.sim_s,
+        wall=statistics.median(runs.wall) / runs.sim_s,
+        ms_per_step=1e3 * median / runs.steps,
+        newton_iterations=runs.newton_iterations,
+        cg_iterations=runs.cg_iterations,
+        cg_capped=runs.cg_capped,
+        ns_per_node_per_cg=1e9 * median / runs.nodes / max(runs.cg_iterations, 1),
+        bytes_per_node=runs.bytes_per_node,
+        gb_per_s=gb_per_s,
+        share_of_copy=gb_per_s / copies if gb_per_s is not None else None,
     )
 
 
@@ -176,14 +180,16 @@ def _targets(runs: Sequence[StepTime], scene: str, device: str) -> tuple[Target,
 
 
 def _row(run: StepTime) -> list[str]:
-    numbers = (run.fastest, run.median, run.ms_per_frame, run.wall)
+    numbers = (run.fastest, run.median, run.wall, run.ms_per_step)
     return [
         f"{run.nodes} x {run.nodes}",
         str(run.newton) if run.newton else "to tolerance",
-        *(f"{number:.3g}" for number in numbers),
+        *map(three_digits, numbers),
         str(run.newton_iterations),
         str(run.cg_iterations),
         str(run.cg_capped),
         f"{run.ns_per_node_per_cg:.1f}",
         f"{run.bytes_per_node:.0f}",
+        f"{run.gb_per_s:.1f}" if run.gb_per_s is not None else "-",
+        f"{run.share_of_copy:.0%}" if run.share_of_copy is not None else "-",
     ]

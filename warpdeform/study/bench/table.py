@@ -38,6 +38,11 @@ def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     return [line(header), f"|{'|'.join(rule)}|", *map(line, rows)]
 
 
+def three_digits(number: float) -> str:
+    """A number with three digits, or as many as its whole part has; never with an exponent."""
+    return f"{number:.3g}" if abs(number) < 999.5 else f"{number:.0f}"
+
+
 def targets_lines(targets: Sequence[Target]) -> list[str]:
     """One line per target: met or not."""
     return [f"{'met ' if t.met else 'MISS'}  {t.name}: {t.value:.3g} {t.unit} (limit {t.limit:g})" for t in targets]
