@@ -19,7 +19,7 @@ class State:
         w: Base of the stage velocity [m].
         y: Inertial target [m].
         z: Newton iterate [m].
-        trial: Line search's trial point [m].
+        trial: Line search's trial point [m]; in the memory of `search`, which has done its work by then.
         gradient: Gradient of the incremental potential [N].
         direction: Newton direction [m].
         residual: Residual of the linear solve [N].
@@ -27,7 +27,7 @@ class State:
         product: Matrix times search direction [N].
         conditioned: Preconditioned residual [m].
         partials: Partial sums per lane group or node, float64, shape (rows, columns).
-        dots: Partial sums of inner products, float64, shape (rows, columns).
+        dots: Partial sums of inner products, float64, shape (rows, columns); in the memory of `partials`.
         iteration: Newton iteration of this step, int32, shape (1,); shared by the bodies of a simulation.
     """
 
@@ -38,12 +38,13 @@ class State:
         self.mass, self.area, self.free = model.mass, model.area, model.free
         self.iteration = iteration
         self.x, self.v, self.x_before, self.v_before = (model.zeros(3) for _ in range(4))
-        self.w, self.y, self.z, self.trial = (model.zeros(3) for _ in range(4))
+        self.w, self.y, self.z = (model.zeros(3) for _ in range(3))
         self.gradient, self.direction, self.residual = (model.zeros(3) for _ in range(3))
         self.search, self.product, self.conditioned = (model.zeros(3) for _ in range(3))
+        self.trial = self.search
         plane = (self.layout.rows, self.layout.columns)
         self.partials: wp.array = wp.zeros(plane, dtype=wp.float64, device=self.device)
-        self.dots: wp.array = wp.zeros(plane, dtype=wp.float64, device=self.device)
+        self.dots = self.partials
         self.reset()
 
     def reset(self) -> None:
@@ -58,4 +59,4 @@ class State:
     def bytes(self) -> int:
         """Device memory of state, step vectors and constants [bytes]."""
         arrays: list[Any] = [a for a in (*vars(self).values(), self.model.target) if isinstance(a, wp.array)]
-        return sum(a.capacity for a in arrays)
+        return sum({a.ptr: a.capacity for a in arrays}.values())
