@@ -10,13 +10,15 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warpdeform.kernels.krylov import ITERATIONS, STRICT, SWITCH_AT, SWITCHED
+from warpdeform.kernels.krylov import BEFORE_SWITCH, ITERATIONS, STRICT, SWITCH_AT, SWITCHED
 from warpdeform.kernels.lanes import kernel_module
 
-# Entries of the caution with which multigrid works: which set of rates it takes, and whether it has been given up.
-RATES = wp.constant(0)
+# Entries of the caution with which multigrid works: whether its smoother counts with the proven bound, whether it has
+# been given up, whether the smoother is the long one.
+BOUNDED = wp.constant(0)
 GIVEN_UP = wp.constant(1)
-CAUTION = 2
+LONG = wp.constant(2)
+CAUTION = 3
 
 # Entries of the choice: block-Jacobi in this solve; on trial; solves since the last trial, and from one to the next.
 PLAIN = wp.constant(0)
@@ -29,6 +31,13 @@ CHOICE = 4
 CYCLES = wp.constant(0)
 BLOCKS = wp.constant(1)
 COSTS = 2
+# What an iteration costs: these two, and
+LONG_CYCLES = wp.constant(2)
+
+MANY = wp.constant(30)
+"""After a solve of more iterations the smoother is the long one."""
+FEW = wp.constant(8)
+"""After a solve of fewer with the long smoother it is the short one again."""
 
 CHEAP = wp.constant(wp.float64(120.0))
 """A solve with multigrid that costs no more products than this is not worth a trial."""
@@ -45,9 +54,27 @@ def choice() -> SimpleNamespace:
     @wp.kernel(module=module)
     def grow_cautious(caution_out: wp.array(dtype=wp.int32)):
         """The cycle was not positive definite: the rates of the proven bound; if it has those, no cycle at all."""
-        if caution_out[RATES] == 1:
+        if caution_out[BOUNDED] == 1:
             caution_out[GIVEN_UP] = 1
-        caution_out[RATES] = 1
+        caution_out[BOUNDED] = 1
+
+    @wp.kernel(module=module)
+    def choose_smoother(solver: wp.array(dtype=wp.int32), caution_out: wp.array(dtype=wp.int32)):
+        """After a solve with cycles."""
+        iterations = solver[ITERATIONS] - solver[BEFORE_SWITCH]
+        if iterations > MANY:
+            caution_out[LONG] = 1
+        elif iterations < FEW:
+            caution_out[LONG] = 0
+
+    @wp.func
+    def price(unit: wp.array(dtype=wp.float64), caution: wp.array(dtype=wp.int32), plain: int):
+        """Of an iteration."""
+        if plain == 1:
+            return unit[BLOCKS]
+        if caution[LONG] == 1:
+            return unit[LONG_CYCLES]
+        return unit[CYCLES]
 
     @wp.kernel(module=module)
     def choose_method(
@@ -66,7 +93,7 @@ def choice() -> SimpleNamespace:
             limit = wp.min(costs[BLOCKS], costs[CYCLES])
             plain = 1 - plain
             choice_out[SINCE] = 0
-            solver_out[SWITCH_AT] = int(limit / unit[plain]) + 1
+            solver_out[SWITCH_AT] = int(limit / price(unit, caution, plain)) + 1
         if caution[GIVEN_UP] == 1:
             trial = 0
             plain = 1
@@ -86,22 +113,23 @@ def choice() -> SimpleNamespace:
             choice_out[PLAIN] = 1 - choice_out[PLAIN]
             choice_out[TRIAL] = 2
         else:
-            if caution_out[RATES] == 1:
+            if caution_out[BOUNDED] == 1:
                 caution_out[GIVEN_UP] = 1
                 choice_out[PLAIN] = 1
-            caution_out[RATES] = 1
+            caution_out[BOUNDED] = 1
         solver_out[STRICT] = choice_out[PLAIN]
 
     @wp.kernel(module=module)
     def learn_cost(
         unit: wp.array(dtype=wp.float64),
+        caution: wp.array(dtype=wp.int32),
         solver: wp.array(dtype=wp.int32),
         choice_out: wp.array(dtype=wp.int32),
         costs_out: wp.array(dtype=wp.float64),
     ):
         """After a solve: what it has cost, and when to try again."""
         plain, trial = choice_out[PLAIN], choice_out[TRIAL]
-        cost = wp.float64(solver[ITERATIONS]) * unit[plain]
+        cost = wp.float64(solver[ITERATIONS]) * price(unit, caution, plain)
         if trial == 2:
             # The tried method did not get there for the price of the other: it costs more, how much is not known.
             tried = 1 - plain
@@ -118,6 +146,7 @@ def choice() -> SimpleNamespace:
     return SimpleNamespace(
         module=module,
         grow_cautious=grow_cautious,
+        choose_smoother=choose_smoother,
         choose_method=choose_method,
         change_method=change_method,
         learn_cost=learn_cost,

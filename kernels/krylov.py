@@ -30,7 +30,8 @@ RESTART = wp.constant(5)
 SWITCH_AT = wp.constant(6)
 SWITCHED = wp.constant(7)
 STRICT = wp.constant(8)
-SOLVER_STATE = 9
+BEFORE_SWITCH = wp.constant(9)
+SOLVER_STATE = 10
 
 MOST_RETREATS = wp.constant(2)
 STRICTNESS = wp.constant(wp.float64(0.25))
@@ -267,6 +268,7 @@ def reductions() -> SimpleNamespace:
             state_out[RETREAT] = 1
             state_out[SWITCH_AT] = 0
             state_out[SWITCHED] = 1
+            state_out[BEFORE_SWITCH] = state_out[ITERATIONS]
             scalars_out[RZ_SWITCHED] = rz
         if state_out[RETREAT] == 1:
             state_out[RESTART] = 1

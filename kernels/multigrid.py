@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from warpdeform.kernels.choice import RATES
+from warpdeform.kernels.choice import BOUNDED, LONG
 from warpdeform.kernels.lanes import kernel_module, lanes
 from warpdeform.kernels.transfer import transfer_tables, transfers
 
@@ -117,7 +117,10 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
         residual = load3(r, 0, i, j)
-        d = scale(rates[caution[RATES], 0, RATE] * load1(free, 0, i, j), apply6(load6(inverse, 0, i, j), residual))
+        d = scale(
+            rates[caution[BOUNDED] + 2 * caution[LONG], 0, RATE] * load1(free, 0, i, j),
+            apply6(load6(inverse, 0, i, j), residual),
+        )
         store3(r_out, 0, i, j, residual)
         store3(d_out, 0, i, j, d)
         store3(z_out, 0, i, j, d)
@@ -137,10 +140,10 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         """r = r - q with q = A d;  d = keep d + rate D^-1 r;  z = z + d."""
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        f = load1(free, 0, i, j)
+        f, which = load1(free, 0, i, j), caution[BOUNDED] + 2 * caution[LONG]
         residual = load3(r_out, 0, i, j) - scale(f, load3(q, 0, i, j))
-        d = scale(rates[caution[RATES], step, RATE] * f, apply6(load6(inverse, 0, i, j), residual))
-        d = d + scale(splat(rates[caution[RATES], step, KEEP]), load3(d_out, 0, i, j))
+        d = scale(rates[which, step, RATE] * f, apply6(load6(inverse, 0, i, j), residual))
+        d = d + scale(splat(rates[which, step, KEEP]), load3(d_out, 0, i, j))
         store3(r_out, 0, i, j, residual)
         store3(d_out, 0, i, j, d)
         store3(z_out, 0, i, j, load3(z_out, 0, i, j) + d)

@@ -13,11 +13,12 @@ from warpdeform.body import Body, Pin
 from warpdeform.forces.force import BodyArrays, Force
 from warpdeform.forces.surface_elasticity import SurfaceElasticity
 from warpdeform.kernels import krylov as entries
-from warpdeform.kernels.choice import GIVEN_UP, PLAIN, RATES
+from warpdeform.kernels.choice import BOUNDED, GIVEN_UP, PLAIN
 from warpdeform.linear import ConjugateGradient, LinearOperator, Sums, choose_preconditioner
 from warpdeform.linear.cheapest import Cheapest
-from warpdeform.linear.level import COARSEST_NODES, Level, chebyshev
+from warpdeform.linear.level import COARSEST_NODES, Level
 from warpdeform.linear.multigrid import Multigrid
+from warpdeform.linear.smoother import SHORT, chebyshev
 from warpdeform.material import Material
 from warpdeform.model import Model
 from warpdeform.settings import Settings
@@ -238,7 +239,7 @@ def test_pins_are_felt_on_every_grid() -> None:
     pins = (Pin([[i, j] for i in range(3, 62, 7) for j in range(2, 62, 9)]),)
     count = System(shape, cloth(1e4), pins=pins, positions=bent(shape)).iterations()
     print(f"\npins all over: {count}")
-    assert count <= 25
+    assert count <= 30
 
 
 def test_a_few_nodes_are_solved_directly() -> None:
@@ -280,7 +281,7 @@ def overconfident(level: Level | None) -> None:
     """Makes a hierarchy count with a third of its largest eigenvalues."""
     while level is not None and level.coarse is not None:
         rates = level._rates.numpy().copy()
-        rates[0, :, 1] *= 3.0
+        rates[[0, 2], :, 1] *= 3.0
         level._rates.assign(rates)
         level = level.coarse
 
@@ -295,7 +296,7 @@ def test_cycle_that_is_not_positive_definite_becomes_careful(name: str) -> None:
     overconfident(inner.levels[0])
     solution = system.read("direction")
     count = system.iterations()
-    assert inner.caution.numpy()[RATES] == 1
+    assert inner.caution.numpy()[BOUNDED] == 1
     assert inner.caution.numpy()[GIVEN_UP] == 0
     assert count <= 2 * expected + 8
     np.testing.assert_allclose(system.read("direction"), solution, atol=1e-2 * np.abs(solution).max())
@@ -311,7 +312,7 @@ def test_cycle_that_stays_indefinite_is_given_up_for_block_jacobi() -> None:
     overconfident(levels)
     while levels.coarse is not None:
         rates = levels._rates.numpy().copy()
-        rates[1] = rates[0]
+        rates[[1, 3]] = rates[[0, 2]]
         levels._rates.assign(rates)
         levels = levels.coarse
     count = system.iterations()
@@ -325,15 +326,15 @@ def test_cheapest_takes_block_jacobi_where_cycles_cost_more() -> None:
     system = System(shape, cloth(), positions=bent(shape), preconditioner="cheapest")
     cheapest = system.preconditioner
     assert isinstance(cheapest, Cheapest)
-    assert cheapest.multigrid.levels[0].iteration_cost() > 4.0
+    assert cheapest.multigrid.levels[0].cycle_cost(SHORT) > 4.0
     cycles = system.iterations()
     assert not cheapest._choice.numpy()[PLAIN]
-    cheapest._unit.assign([1e4, 1e-3])
+    cheapest._unit.assign([1e4, 1e-3, 1e4])
     for _ in range(6):
         count = system.iterations()
     assert cheapest._choice.numpy()[PLAIN]
     assert count > 3 * cycles
-    cheapest._unit.assign([1e-3, 1e4])
+    cheapest._unit.assign([1e-3, 1e4, 1e-3])
     for _ in range(40):
         count = system.iterations()
     assert not cheapest._choice.numpy()[PLAIN]
@@ -347,7 +348,8 @@ def test_trial_that_takes_too_long_is_ended_by_the_other_method() -> None:
     solution = system.read("direction")
     cheapest = system.preconditioner
     assert isinstance(cheapest, Cheapest)
-    cheapest._unit.assign([30.0, 1.3])
+    cheapest._unit.assign([30.0, 1.3, 90.0])
+    cheapest.reset()
     plain = System(shape, cloth(1e5), positions=bent(shape), preconditioner="block-jacobi", tolerance=2.5e-5)
     price = int(30.0 * expected / 1.3)
     assert price < plain.iterations()

@@ -10,6 +10,7 @@ from warpdeform.kernels.choice import choice
 from warpdeform.linear.multigrid import Multigrid
 from warpdeform.linear.operator import LinearOperator
 from warpdeform.linear.preconditioner import Preconditioner
+from warpdeform.linear.smoother import LONG, SHORT
 
 
 class Cheapest(Preconditioner):
@@ -27,8 +28,9 @@ class Cheapest(Preconditioner):
         self._device = device
         self.multigrid = Multigrid(operator)
         nodes = np.array([state.model.grid.node_count for state in operator.states])
-        cycles = np.array([level.iteration_cost() for level in self.multigrid.levels])
-        unit = [1.0 + float(cycles @ nodes / nodes.sum()), BLOCK_ITERATION_COST]
+        levels = self.multigrid.levels
+        short, long = (np.array([level.cycle_cost(s) for level in levels]) @ nodes / nodes.sum() for s in (SHORT, LONG))
+        unit = [1.0 + float(short), BLOCK_ITERATION_COST, 1.0 + float(long)]
         self._unit: wp.array = wp.array(unit, dtype=wp.float64, device=device)
         self._choice: wp.array = wp.zeros(entries.CHOICE, dtype=wp.int32, device=device)
         self._costs: wp.array = wp.zeros(entries.COSTS, dtype=wp.float64, device=device)
@@ -57,8 +59,9 @@ class Cheapest(Preconditioner):
 
     def learn(self, solver: wp.array) -> None:
         """Keep what the solve has cost."""
-        inputs = [self._unit, solver, self._choice, self._costs]
+        inputs = [self._unit, self.multigrid.caution, solver, self._choice, self._costs]
         wp.launch(choice().learn_cost, dim=1, inputs=inputs, device=self._device)
+        wp.capture_if(self._plain, None, self.multigrid.learn, solver=solver)
 
     def reset(self) -> None:
         """Forget all costs (host)."""

@@ -8,21 +8,15 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.kernels.choice import LONG as LONG_ENTRY
 from warpdeform.kernels.multigrid import multigrid
 from warpdeform.linear.coarsest import DenseInverse
 from warpdeform.linear.operator import GridOperator
+from warpdeform.linear.smoother import LONG, SHORT, Smoother, rates_of
 from warpdeform.linear.transfer import Transfer
 
 COARSEST_NODES = 12
 """A grid of so many nodes or fewer is solved directly."""
-DEGREE = 2
-"""Degree of the smoother's polynomial."""
-SMOOTHED_SHARE = 4.0
-"""The smoother damps eigenvalues of D^-1 A from the largest down to this fraction of it."""
-
-
-TYPICAL_SHARE = 0.65
-"""What the smoother takes for the largest eigenvalue of D^-1 A at first, as a part of its bound."""
 
 
 @dataclass
@@ -55,14 +49,6 @@ class Vectors:
 class Level:
     """One grid of the hierarchy of one body, with all coarser ones behind it.
 
-    Chebyshev smoothing over block-Jacobi. No eigenvalue of D^-1 A exceeds the most nodes that one sample of an energy
-    couples (design 7.1). Cloth stays far below: 2.0 to 3.2 where the bound is 5 for bending; bending-dominated crumpled
-    sheets come to 4.9, membranes of elongated cells to 3.85 of 4. So the smoother counts with `TYPICAL_SHARE` of the
-    bound, which costs a quarter fewer iterations than the bound, and takes the bound itself for the rest of the run
-    once conjugate gradient has found the cycle not to be positive definite. That can happen where an eigenvalue is
-    more than a quarter above what it counts with (a polynomial of degree 2 over a share of 4). A power iteration that
-    follows the eigenvalue was tried: its vector gets caught in one corner of a crumpling sheet and misses the others.
-
     Args:
         grid: Its grid.
         lengths: Mean distance of neighbours along each axis [m].
@@ -70,7 +56,7 @@ class Level:
         operator: A on this grid.
         vectors: The arrays that the cycle writes.
         stiff: Node-wise terms or pins leave the coarse grid something to feel.
-        caution: Which rates the smoother takes (:mod:`warpdeform.kernels.multigrid`), int32, shape (2,).
+        caution: Which rates the smoother takes (:mod:`warpdeform.kernels.multigrid`), int32, shape (3,).
     """
 
     def __init__(
@@ -108,8 +94,8 @@ class Level:
         self._pairs = [(term, coarse) for term in operator.terms if (coarse := term.coarser(self._transfer))]
         self.coarse = self._make_coarse(lengths, mass, caution)
         bound = float(max((term.sample_nodes for term in operator.terms), default=1))
-        rates = [chebyshev(largest / SMOOTHED_SHARE, largest, DEGREE) for largest in (TYPICAL_SHARE * bound, bound)]
-        self._rates: wp.array = wp.array(rates, dtype=body.real, device=body.device)
+        self._rates: wp.array = wp.array(rates_of(bound), dtype=body.real, device=body.device)
+        self._long = caution[LONG_ENTRY : LONG_ENTRY + 1]
 
     def _make_coarse(self, lengths: tuple[float, float], mass: NDArray[np.float64], caution: wp.array) -> "Level":
         body, transfer = self._body, self._transfer
@@ -176,14 +162,14 @@ class Level:
             coarse.update_blocks()
         coarse.update_coarse()
 
-    def iteration_cost(self) -> float:
+    def cycle_cost(self, smoother: Smoother) -> float:
         """Matrix-vector products on this grid that the cycle costs, coarser grids counted by their lane groups."""
         if self.coarse is None:
             return 1.0
         rows, groups = self._body.layout.lane_dim
         coarse_rows, coarse_groups = self.coarse._body.layout.lane_dim
         share = coarse_rows * coarse_groups / (rows * groups)
-        return 2.0 * DEGREE + share * self.coarse.iteration_cost()
+        return 2.0 * smoother.degree + share * self.coarse.cycle_cost(smoother)
 
     def cycle(self, residual: wp.array) -> None:
         """One V-cycle from zero: `solution` becomes an approximation of A^-1 residual, shape (3, rows, columns)."""
@@ -214,27 +200,15 @@ class Level:
 
     def _smooth(self, first: int) -> None:
         """Steps of the smoother, each from the change that the one before has made."""
-        for step in range(first, DEGREE):
+        self._smooth_steps(first, SHORT.degree)
+        wp.capture_if(self._long, self._smooth_steps, first=SHORT.degree, last=LONG.degree)
+
+    def _smooth_steps(self, first: int, last: int) -> None:
+        for step in range(first, last):
             self._operator.product(self._change, self._product)
-            vectors = (self.residual, self._change, self.solution)
             inputs = (self._body.free, self.inverse, self._product, self._rates, self._caution, step)
-            self._launch("smooth", *inputs, *vectors)
+            self._launch("smooth", *inputs, self.residual, self._change, self.solution)
 
     def _launch(self, name: str, *inputs: Any) -> None:
         kernel = getattr(self._kernels, name)
         wp.launch(kernel, dim=self._body.layout.lane_dim, inputs=inputs, device=self._body.device)
-
-
-def chebyshev(smallest: float, largest: float, degree: int) -> list[tuple[float, float]]:
-    """Steps of the Chebyshev iteration for eigenvalues in an interval: d = keep d + rate D^-1 r, for each step.
-
-    Returns:
-        keep and rate of each step; the first keeps nothing.
-    """
-    centre, radius = 0.5 * (largest + smallest), 0.5 * (largest - smallest)
-    steps, rho = [(0.0, 1.0 / centre)], radius / centre
-    for _ in range(degree - 1):
-        following = 1.0 / (2.0 * centre / radius - rho)
-        steps.append((following * rho, 2.0 * following / radius))
-        rho = following
-    return steps

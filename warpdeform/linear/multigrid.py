@@ -16,7 +16,7 @@ class Multigrid(Preconditioner):
 
     Attributes:
         levels: The finest level of each body.
-        caution: Which rates the smoothers take (:mod:`warpdeform.kernels.choice`), int32, shape (2,).
+        caution: Which rates the smoothers take (:mod:`warpdeform.kernels.choice`), int32, shape (3,).
     """
 
     name: ClassVar[str] = "multigrid"
@@ -56,6 +56,10 @@ class Multigrid(Preconditioner):
     def retreat(self, solver: wp.array) -> None:
         """The cycle was not positive definite: count with larger eigenvalues, and at last give it up for this run."""
         wp.launch(choice().grow_cautious, dim=1, inputs=[self.caution], device=self._device)
+
+    def learn(self, solver: wp.array) -> None:
+        """Smooth for longer after many iterations: on folded sheets it is the same work in fewer of them."""
+        wp.launch(choice().choose_smoother, dim=1, inputs=[solver, self.caution], device=self._device)
 
     def reset(self) -> None:
         """Trust the typical eigenvalues again (host)."""
