@@ -119,7 +119,7 @@ def start(
 def peers(
     sizes: Sizes = "32,64,128",
     engines: Annotated[str, typer.Option("--engines", metavar="NAME,...", help="Which engines; all by default.")] = "",
-    repeats: Repeats = 3,
+    repeats: Repeats = 5,
     limit: Annotated[float, typer.Option("--limit", min=1.0, help="CPU seconds at which a run is given up.")] = 200.0,
     quick: Annotated[bool, typer.Option("--quick", help="One run each, limit 20 CPU seconds, no starts.")] = False,
     core: Core = None,

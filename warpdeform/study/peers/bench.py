@@ -38,7 +38,7 @@ class Effort:
         frames: Frames to simulate; errors are measured if it is FRAMES.
     """
 
-    repeats: int = 3
+    repeats: int = 5
     enough_s: float = 20.0
     limit_s: float = 200.0
     frames: int = FRAMES

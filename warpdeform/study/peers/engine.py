@@ -1,5 +1,6 @@
 """What the benchmark asks of an engine."""
 
+import inspect
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -85,5 +86,5 @@ class Engine(ABC):
         """
 
     def sources(self) -> tuple[Path, ...]:
-        """Files that a reference depends on."""
-        return ()
+        """Files that a reference depends on: the sheet's and the engine's own, and what its law is made of."""
+        return Path(inspect.getfile(Sheet)), Path(inspect.getfile(type(self)))

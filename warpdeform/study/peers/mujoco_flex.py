@@ -15,7 +15,7 @@ class MuJoCo(Engine):
     """A two-dimensional flex of MuJoCo under its `discrete` integrator.
 
     Its membrane is Saint Venant-Kirchhoff in plane stress and its bending stiffness E t^3 / (12 (1 - nu^2)), so Young's
-    modulus and thickness follow from Eh and D. Masses are equal at all nodes. Double precision, no damping, and the
+    modulus and thickness follow from Eh and D. Node masses go by area. Double precision, no damping, and the
     example's solver: CG, tolerance 1e-6, at most 400 iterations. The example's step of 2 ms is rounded to 9 steps a
     frame. The references integrate the same forces explicitly.
     """
@@ -51,9 +51,19 @@ class _Flex(Session):
         self._substeps, self._step = substeps, mujoco.mj_step
         self._model = mujoco.MjModel.from_xml_string(_xml(sheet, 1.0 / (FPS * substeps), integrator))
         self._data: Any = mujoco.MjData(self._model)
+        self._spread_mass(sheet)
+        mujoco.mj_setConst(self._model, self._data)
         if integrator == "Euler":  # half a step back, so that its steps are Verlet's, of second order
             self._data.qvel[2::3] = 0.5 * sheet.gravity / (FPS * substeps)
         self._place = mujoco.mj_kinematics, mujoco.mj_flex
+
+    def _spread_mass(self, sheet: Sheet) -> None:
+        """Node masses by area: a flex shares its mass out equally, which makes its rim twice as heavy."""
+        model, masses = self._model, sheet.masses().ravel()
+        for k, body in enumerate(model.flex_vertbodyid):
+            if body:  # pinned vertices belong to the world
+                model.body_inertia[body] *= masses[k] / model.body_mass[body]
+                model.body_mass[body] = masses[k]
 
     def advance_frame(self) -> None:
         self._step(self._model, self._data, self._substeps)

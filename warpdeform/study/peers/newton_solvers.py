@@ -58,8 +58,8 @@ class _NewtonEngine(Engine):
         return _NewtonSession(self, sheet, setting)
 
     def sources(self) -> tuple[Path, ...]:
-        """The law and its parameters."""
-        return Path(laws.__file__), Path(__file__)
+        """The law in double precision, too."""
+        return *super().sources(), Path(laws.__file__)
 
 
 class _NewtonSession(Session):

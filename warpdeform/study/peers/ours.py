@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import ClassVar
 
-import warpdeform
 from warpdeform.scene import Override, load_scene
 from warpdeform.scene.play import simulation_of
 from warpdeform.study.peers.engine import Engine, Session, Setting
@@ -45,8 +44,8 @@ class Ours(Engine):
         return _Ours(sheet, setting)
 
     def sources(self) -> tuple[Path, ...]:
-        """The law's kernels."""
-        return tuple(sorted(Path(warpdeform.__file__).parent.glob("kernels/surface*.py")))
+        """The law's kernels, too."""
+        return *super().sources(), *sorted(Path(__file__).parents[2].glob("kernels/surface*.py"))
 
 
 class _Ours(Session):

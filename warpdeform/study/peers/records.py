@@ -99,6 +99,12 @@ def front(runs: Sequence[PeerRun], largest_m: float = USABLE_M) -> list[PeerRun]
     return found
 
 
+def fastest(runs: Sequence[PeerRun], error_m: float) -> PeerRun | None:
+    """The fastest run whose error is no greater than a bound [m], if there is one."""
+    good = [run for run in runs if run.error_m <= error_m]
+    return min(good, key=lambda run: run.cpu_s_per_s) if good else None
+
+
 def with_gains(runs: Sequence[PeerRun]) -> list[PeerRun]:
     """The runs, each peer's with this engine's gain over it."""
     return [run if run.engine == OURS else replace(run, gain=_gain(run, runs)) for run in runs]
@@ -116,5 +122,5 @@ def _gain(run: PeerRun, runs: Sequence[PeerRun]) -> float | None:
     """How many times the CPU time of this engine's cheapest run with no greater error a run took."""
     if run.error_m == float("inf"):
         return None
-    better = [r.cpu_s_per_s for r in runs if r.engine == OURS and r.nodes == run.nodes and r.error_m <= run.error_m]
-    return run.cpu_s_per_s / min(better) if better else None
+    best = fastest([r for r in runs if r.engine == OURS and r.nodes == run.nodes], run.error_m)
+    return run.cpu_s_per_s / best.cpu_s_per_s if best else None

@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 
 from warpdeform.study.bench.table import table
-from warpdeform.study.peers.records import OURS, USABLE_M, EngineFacts, PeerRun, front
+from warpdeform.study.peers.records import OURS, EngineFacts, PeerRun, fastest, front
+
+LEVELS_M = (0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
+"""Errors within which the fastest runs are named [m]."""
 
 _RUNS = (
     "engine, setting", "CPU s per s", "runs", "stretch", "lowest m", "own c4 mm, 0.25 s", "0.5 s", "own RMS mm, 0.25 s",
@@ -27,12 +30,12 @@ def peers_lines(engines: Sequence[EngineFacts], runs: Sequence[PeerRun]) -> list
             *table(_RUNS, [_row(r) for r in some]),
         ]
         lines += ["", *_uncertainties(here, nodes), *_front_lines(some)]
-        lines += [f"{r.engine}, {r.setting}: {r.trouble}" for r in some if r.trouble]
+        lines += [f"{_name(r)}: {r.trouble}" for r in some if r.trouble]
     return lines
 
 
 def _row(run: PeerRun) -> list[str]:
-    name = f"{run.engine}, {run.setting}{' *' if run.example else ''}"
+    name = f"{_name(run)}{' *' if run.example else ''}"
     shape = [f"{run.max_stretch:.3f}", f"{run.lowest_m:.3f}"] if run.max_stretch < 1e3 else ["-", "-"]
     columns = (run.block_own_m, run.rms_own_m, run.block_ours_m)
     errors = [text for column in columns for text in _millimetres(column if not run.trouble else ())]
@@ -41,19 +44,30 @@ def _row(run: PeerRun) -> list[str]:
 
 
 def _front_lines(runs: Sequence[PeerRun]) -> list[str]:
-    """Ratios along the peers' front at one size."""
+    """This engine against the peers' front at one size, and against the fastest of them at round errors."""
     best = front([run for run in runs if run.engine != OURS])
-    lines = (
-        [f"fastest peers with an error below {1e3 * USABLE_M:g} mm, from the fastest to the most accurate:"]
-        if best
-        else []
-    )
+    lines = ["the peers' front, from the fastest to the most accurate:"] if best else []
     for run in best:
         said = f"{run.gain:.2g} times ours" if run.gain else "no run of ours is as accurate"
-        lines.append(
-            f"  {run.engine}, {run.setting}: {1e3 * run.error_m:.2g} mm in {run.cpu_s_per_s:.3g} s per s, {said}"
-        )
-    return lines
+        lines.append(f"  {_name(run)}: {1e3 * run.error_m:.2g} mm, {_cost(run)}, {said}")
+    return lines + [line for error_m in LEVELS_M for line in _level_lines(runs, error_m)]
+
+
+def _level_lines(runs: Sequence[PeerRun], error_m: float) -> list[str]:
+    """The fastest run of this engine and of the peers within an error."""
+    ours = fastest([run for run in runs if run.engine == OURS], error_m)
+    peer = fastest([run for run in runs if run.engine != OURS], error_m)
+    told = [f"{_name(run)}, {_cost(run)}" if run else "none" for run in (ours, peer)]
+    ratio = f": {peer.cpu_s_per_s / ours.cpu_s_per_s:.2g} times" if ours and peer else ""
+    return [f"fastest within {1e3 * error_m:g} mm: {told[0]}; of the peers {told[1]}{ratio}"] if ours or peer else []
+
+
+def _name(run: PeerRun) -> str:
+    return f"{run.engine}, {run.setting}"
+
+
+def _cost(run: PeerRun) -> str:
+    return f"{run.cpu_s_per_s:.3g} s per s"
 
 
 def _uncertainties(engines: Sequence[EngineFacts], nodes: int) -> list[str]:
