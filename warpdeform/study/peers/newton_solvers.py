@@ -169,7 +169,7 @@ class NewtonXPBD(_NewtonEngine):
 
     def best(self, nodes: int) -> tuple[tuple[int, int], ...]:
         """One iteration and substeps in proportion to the nodes along a side: fewer, and the corrections add up."""
-        return tuple((-(-share * nodes // 16), 1) for share in (20, 30, 40, 60))
+        return tuple((-(-share * nodes // 16), 1) for share in (30, 40, 60))
 
     def terms(self, sheet: Sheet) -> Sequence[laws.Forces]:
         """Springs and hinges."""

@@ -9,8 +9,8 @@ LEVELS_M = (0.05, 0.02, 0.01, 0.005, 0.002, 0.001)
 """Errors within which the fastest runs are named [m]."""
 
 _RUNS = (
-    "engine, setting", "CPU s per s", "runs", "stretch", "lowest m", "own c4 mm, 0.25 s", "0.5 s", "own RMS mm, 0.25 s",
-    "0.5 s", "to ours c4 mm, 0.25 s", "0.5 s", "times ours",
+    "engine, setting", "CPU s per s", "stretch", "lowest m", "c4 mm, 0.25 s", "0.5 s", "RMS mm, 0.25 s", "0.5 s",
+    "c4 to ours, 0.5 s", "times ours",
 )  # fmt: skip
 _ENGINES = ("engine", "version", "first start s", "warm start s", "law")
 
@@ -25,7 +25,7 @@ def peers_lines(engines: Sequence[EngineFacts], runs: Sequence[PeerRun]) -> list
         some = [run for run in runs if run.nodes == nodes]
         lines += [
             "",
-            f"{nodes} x {nodes} nodes (* the engine's own example)",
+            f"{nodes} x {nodes} nodes, * the engine's own example; errors against its own law, converged",
             "",
             *table(_RUNS, [_row(r) for r in some]),
         ]
@@ -36,11 +36,11 @@ def peers_lines(engines: Sequence[EngineFacts], runs: Sequence[PeerRun]) -> list
 
 def _row(run: PeerRun) -> list[str]:
     name = f"{_name(run)}{' *' if run.example else ''}"
-    shape = [f"{run.max_stretch:.3f}", f"{run.lowest_m:.3f}"] if run.max_stretch < 1e3 else ["-", "-"]
-    columns = (run.block_own_m, run.rms_own_m, run.block_ours_m)
-    errors = [text for column in columns for text in _millimetres(column if not run.trouble else ())]
-    gain = "-" if run.gain is None else f"{run.gain:.2g}"
-    return [name, f"{run.cpu_s_per_s:.3g}", str(run.repeats), *shape, *errors, "" if run.engine == OURS else gain]
+    if run.trouble:
+        return [name, _short(run.cpu_s_per_s), *["-"] * (len(_RUNS) - 2)]
+    errors = [*_millimetres(run.block_own_m), *_millimetres(run.rms_own_m), _millimetres(run.block_ours_m)[-1]]
+    gain = "" if run.engine == OURS else "-" if run.gain is None else _short(run.gain)
+    return [name, _short(run.cpu_s_per_s), f"{run.max_stretch:.3f}", f"{run.lowest_m:.3f}", *errors, gain]
 
 
 def _front_lines(runs: Sequence[PeerRun]) -> list[str]:
@@ -48,8 +48,8 @@ def _front_lines(runs: Sequence[PeerRun]) -> list[str]:
     best = front([run for run in runs if run.engine != OURS])
     lines = ["the peers' front, from the fastest to the most accurate:"] if best else []
     for run in best:
-        said = f"{run.gain:.2g} times ours" if run.gain else "no run of ours is as accurate"
-        lines.append(f"  {_name(run)}: {1e3 * run.error_m:.2g} mm, {_cost(run)}, {said}")
+        said = f"{_short(run.gain)} times ours" if run.gain else "no run of ours is as accurate"
+        lines.append(f"  {_name(run)}: {_short(1e3 * run.error_m)} mm, {_cost(run)}, {said}")
     return lines + [line for error_m in LEVELS_M for line in _level_lines(runs, error_m)]
 
 
@@ -58,7 +58,7 @@ def _level_lines(runs: Sequence[PeerRun], error_m: float) -> list[str]:
     ours = fastest([run for run in runs if run.engine == OURS], error_m)
     peer = fastest([run for run in runs if run.engine != OURS], error_m)
     told = [f"{_name(run)}, {_cost(run)}" if run else "none" for run in (ours, peer)]
-    ratio = f": {peer.cpu_s_per_s / ours.cpu_s_per_s:.2g} times" if ours and peer else ""
+    ratio = f": {_short(peer.cpu_s_per_s / ours.cpu_s_per_s)} times" if ours and peer else ""
     return [f"fastest within {1e3 * error_m:g} mm: {told[0]}; of the peers {told[1]}{ratio}"] if ours or peer else []
 
 
@@ -67,7 +67,7 @@ def _name(run: PeerRun) -> str:
 
 
 def _cost(run: PeerRun) -> str:
-    return f"{run.cpu_s_per_s:.3g} s per s"
+    return f"{_short(run.cpu_s_per_s)} s per s"
 
 
 def _uncertainties(engines: Sequence[EngineFacts], nodes: int) -> list[str]:
@@ -77,7 +77,12 @@ def _uncertainties(engines: Sequence[EngineFacts], nodes: int) -> list[str]:
 
 
 def _millimetres(errors: Sequence[float]) -> list[str]:
-    return [f"{1e3 * error:.2g}" if error < 1.0 else f"{1e3 * error:.0f}" for error in errors] or ["-", "-"]
+    return [_short(1e3 * error) for error in errors] or ["-", "-"]
+
+
+def _short(number: float) -> str:
+    """Two digits or all whole ones."""
+    return f"{number:.2g}" if number < 100 else f"{number:.0f}"
 
 
 def _seconds(seconds: float | None) -> str:
