@@ -17,9 +17,9 @@ PRECONDITIONERS = ("auto",)
 class Ours(Engine):
     """warpdeform: BDF2, each step one or two Newton iterations of conjugate gradients.
 
-    The material is the scene's own. Steps of 1/60 s and less, one or two Newton iterations, CG to 1e-2 or 1e-3. Rounding in
-    single precision grows to a millimetre by 0.5 s, so the shortest steps are in double precision. The scene's setting,
-    two iterations a frame to 1e-2, counts as the example's.
+    The material is the scene's own. Steps of 1/60 s and less, one or two Newton iterations, CG to 1e-2 or 1e-3. In
+    single precision rounding grows to a millimetre by 0.5 s, so the shortest steps are in double precision. The
+    scene's setting, two iterations a frame to 1e-2, counts as the example's.
     """
 
     name: ClassVar[str] = "ours"
