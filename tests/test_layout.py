@@ -49,7 +49,7 @@ DESCRIPTIONS = ("errors", "material", "shape", "track", "obstacle", "wind", "bod
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}
 HOME_OF = {name: home.split(".")[0] for home, names in warpdeform._HOMES.items() for name in names}
 
-GUESTS = {"pxr", "viser", "matplotlib", "mpl_toolkits", "bpy"}
+GUESTS = {"pxr", "viser", "matplotlib", "mpl_toolkits", "bpy", "mujoco", "newton", "taichi"}
 """Heavy guests, received on floors 4 and 5 only."""
 
 

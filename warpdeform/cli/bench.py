@@ -158,6 +158,43 @@ def start(
     _report(run, as_json)
 
 
+@bench.command()
+@ending_well
+def peers(
+    sizes: Sizes = "32,64,128",
+    engines: Annotated[str, typer.Option("--engines", metavar="NAME,...", help="Which engines; all by default.")] = "",
+    repeats: Repeats = 5,
+    limit: Annotated[float, typer.Option("--limit", min=1.0, help="CPU seconds at which a run is given up.")] = 200.0,
+    quick: Annotated[bool, typer.Option("--quick", help="One run each, limit 20 CPU seconds, no starts.")] = False,
+    core: Core = None,
+    cache: Annotated[Path | None, typer.Option("--cache", help="Folder that keeps the references.")] = None,
+    picture: Annotated[Path | None, typer.Option("--picture", help="Picture of error against time to draw.")] = None,
+    as_json: Json = False,
+) -> None:
+    """Time other engines on the sheet of `hanging`, and their errors: one core, CPU seconds per simulated second."""
+
+    def run() -> Result:
+        from warpdeform.study.peers.bench import Effort, bench_peers
+
+        effort = Effort(repeats=1, enough_s=0.0, limit_s=20.0) if quick else Effort(repeats=repeats, limit_s=limit)
+        times = bench_peers(
+            _numbers("--sizes", sizes, least=3),
+            engines=[name.strip() for name in engines.split(",")] if engines else (),
+            effort=effort,
+            core=core,
+            cache=cache,
+            starts=not quick,
+            said=_say,
+        )
+        if picture is not None:
+            from warpdeform.study.peers.picture import draw_peers
+
+            draw_peers(times.runs, picture)
+        return times
+
+    _report(run, as_json)
+
+
 def _report(run: Callable[[], Result], as_json: bool) -> None:
     from warpdeform.cli.ending import quiet_warp
 
