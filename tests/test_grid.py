@@ -92,3 +92,51 @@ def test_unpack_is_a_copy() -> None:
     packed = layout.pack(np.ones((3, 5, 2)))
     layout.unpack(packed)[:] = 7.0
     assert packed.max() == 1.0
+
+
+SOLIDS = [((2, 2, 2), (False,) * 3), ((3, 4, 17), (False,) * 3), ((4, 5, 8), (True, True, True))]
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize(("nodes", "periodic"), SOLIDS, ids=str)
+def test_solids_lie_plane_after_plane_with_room_for_neighbours(
+    nodes: tuple[int, ...], periodic: tuple[bool, ...], width: int
+) -> None:
+    layout = Layout(nodes, width, periodic)
+    values = np.random.default_rng(1).normal(size=(*nodes, 4))
+    packed = layout.pack(values)
+    assert packed.shape == (4, layout.rows, layout.columns)
+    np.testing.assert_array_equal(layout.unpack(packed), values)
+    assert np.count_nonzero(packed) == values.size
+    index = np.stack(np.meshgrid(*map(np.arange, nodes), indexing="ij"), axis=-1).reshape(-1, 3)
+    places = layout.places(index)
+    np.testing.assert_array_equal(packed[:, places[:, 0], places[:, 1]].T, values.reshape(-1, 4))
+    for step, axis in ((layout.stride, 0), (1, 1)):
+        inner = index[index[:, axis] + 1 < nodes[axis]]
+        beside = inner + np.eye(3, dtype=int)[axis]
+        np.testing.assert_array_equal(layout.places(beside)[:, 0] - layout.places(inner)[:, 0], step)
+    reach = layout.stride + 1
+    assert places[:, 0].min() - reach >= 0
+    assert places[:, 0].max() + reach < layout.rows
+    # What lies next to a border node along u or v belongs to no node.
+    border = index[index[:, 1] == nodes[1] - 1]
+    assert not packed[:, layout.places(border)[:, 0] + 1].any()
+    assert not packed[:, layout.places(index[index[:, 1] == 0])[:, 0] - 1].any()
+
+
+def test_strands_of_a_curve_are_not_connected() -> None:
+    grid = ParameterGrid((9, 4), (0.1, 1.0), dimension=1)
+    assert grid.cells == (8, 4)
+    np.testing.assert_allclose(grid.cells_to_nodes(np.full((8, 4), 2.0))[:, 3], [1.0, *[2.0] * 7, 1.0])
+    coarser = grid.coarser((0.1, 1e-9))
+    assert coarser is not None
+    assert coarser.nodes == (5, 4)
+    assert coarser.dimension == 1
+
+
+def test_cells_of_a_solid_share_among_eight_corners() -> None:
+    grid = ParameterGrid((3, 4, 5), (1.0, 1.0, 1.0))
+    shares = grid.cells_to_nodes(np.ones(grid.cells))
+    assert shares[0, 0, 0] == 0.125
+    assert shares[1, 1, 1] == 1.0
+    assert shares.sum() == 24.0

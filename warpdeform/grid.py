@@ -1,6 +1,7 @@
 """The parameter grid of a body and how its nodes lie in device memory."""
 
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,37 +12,45 @@ MOST_GROWTH = 2.2
 
 @dataclass(frozen=True)
 class ParameterGrid:
-    """A regular grid of material coordinates a = (u, v).
+    """A regular grid of material coordinates: u of curves, (u, v) of surfaces, (u, v, w) of solids.
+
+    A curve's second axis counts its strands, which nothing connects: side by side they fill the lanes.
 
     Attributes:
-        nodes: Nodes along u and v, each at least 2.
-        spacing: Parameter spacings (h1, h2), in the units of the parametrisation.
+        nodes: Nodes along each axis, each at least 2 (strands: at least 1).
+        spacing: Parameter spacings, in the units of the parametrisation.
         periodic: Axes whose index wraps; a periodic axis has as many cells as nodes.
+        dimension: Axes along which nodes are connected: 1 for curves, 2 for surfaces, 3 for solids.
     """
 
-    nodes: tuple[int, int]
-    spacing: tuple[float, float]
-    periodic: tuple[bool, bool] = (False, False)
+    nodes: tuple[int, ...]
+    spacing: tuple[float, ...]
+    periodic: tuple[bool, ...] = ()
+    dimension: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "periodic", self.periodic or (False,) * len(self.nodes))
+        object.__setattr__(self, "dimension", self.dimension or len(self.nodes))
 
     @property
-    def cells(self) -> tuple[int, int]:
-        """Cells along u and v."""
-        nu, nv = self.nodes
-        return (nu if self.periodic[0] else nu - 1, nv if self.periodic[1] else nv - 1)
+    def cells(self) -> tuple[int, ...]:
+        """Cells along each axis; of a curve's second axis, its strands."""
+        wraps = [p or axis >= self.dimension for axis, p in enumerate(self.periodic)]
+        return tuple(n if w else n - 1 for n, w in zip(self.nodes, wraps, strict=True))
 
     @property
     def node_count(self) -> int:
         """Number of nodes."""
-        return self.nodes[0] * self.nodes[1]
+        return int(np.prod(self.nodes))
 
-    def coarser(self, lengths: tuple[float, float]) -> "ParameterGrid | None":
+    def coarser(self, lengths: tuple[float, ...]) -> "ParameterGrid | None":
         """The next grid of a multigrid hierarchy: half as fine on every axis worth coarsening.
 
-        Those are the axes with more than three nodes (periodic: four) that are spaced less than twice as far as the
-        closest of them, so that stretched grids grow square before they grow coarse (design 7.1). Nodes stay equally
-        spaced, so that the kernels of the fine grid serve the coarse one; they need not coincide with fine nodes. Half
-        the nodes, rounded up, keep whole lane groups whole (64, 32, 16); where that would widen the spacing by more
-        than `MOST_GROWTH` it is half the cells, rounded up.
+        Those are the connected axes with more than three nodes (periodic: four) that are spaced less than twice as far
+        as the closest of them, so that stretched grids grow square before they grow coarse (design 7.1). Nodes stay
+        equally spaced, so that the kernels of the fine grid serve the coarse one; they need not coincide with fine
+        nodes. Half the nodes, rounded up, keep whole lane groups whole (64, 32, 16); where that would widen the spacing
+        by more than `MOST_GROWTH` it is half the cells, rounded up.
 
         Args:
             lengths: Mean distance of neighbours along each axis [m].
@@ -49,67 +58,92 @@ class ParameterGrid:
         Returns:
             The coarser grid, or None if no axis can be coarsened.
         """
-        open_axes = [n > (4 if p else 3) for n, p in zip(self.nodes, self.periodic, strict=True)]
+        axes = range(len(self.nodes))
+        open_axes = [k < self.dimension and self.nodes[k] > (4 if self.periodic[k] else 3) for k in axes]
         if not any(open_axes):
             return None
-        limit = 2.0 * min(length for length, is_open in zip(lengths, open_axes, strict=True) if is_open)
+        limit = 2.0 * min(lengths[k] for k in axes if open_axes[k])
         nodes, spacing = [], []
         for axis, cells in enumerate(self.cells):
             halve = open_axes[axis] and lengths[axis] < limit
+            ends = self.nodes[axis] - cells
             fewer = cells
             if halve:
-                fewer = -(-self.nodes[axis] // 2) - (0 if self.periodic[axis] else 1)
+                fewer = -(-self.nodes[axis] // 2) - ends
                 if cells > MOST_GROWTH * fewer:
                     fewer = -(-cells // 2)
-            nodes.append(fewer + (0 if self.periodic[axis] else 1))
+            nodes.append(fewer + ends)
             spacing.append(self.spacing[axis] * cells / fewer)
-        return ParameterGrid((nodes[0], nodes[1]), (spacing[0], spacing[1]), self.periodic)
+        return ParameterGrid(tuple(nodes), tuple(spacing), self.periodic, self.dimension)
 
     def parameters(self) -> NDArray[np.float64]:
-        """Material coordinates of the nodes, scaled to 0..1 along each axis, shape (nu, nv, 2)."""
-        u, v = (np.arange(n) / max(c, 1) for n, c in zip(self.nodes, self.cells, strict=True))
-        return np.stack(np.meshgrid(u, v, indexing="ij"), axis=-1)
+        """Material coordinates of the nodes, scaled to 0..1 along each axis, shape (*nodes, axes)."""
+        along = (np.arange(n) / max(c, 1) for n, c in zip(self.nodes, self.cells, strict=True))
+        return np.stack(np.meshgrid(*along, indexing="ij"), axis=-1)
 
     def cells_to_nodes(self, cells: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Share a quantity of each cell (nu - 1, nv - 1) equally among its four corners: trapezoid weights.
+        """Share a quantity of each cell, shape (*cells), equally among its corners: trapezoid weights.
 
         Returns:
-            Node shares, shape (nu, nv); their sum is the sum over the cells.
+            Node shares, shape (*nodes); their sum is the sum over the cells.
         """
         shares = np.zeros(self.nodes)
-        nu, nv = self.nodes
-        rows, columns = np.arange(cells.shape[0]), np.arange(cells.shape[1])
-        for di in (0, 1):
-            for dj in (0, 1):
-                shares[np.ix_((rows + di) % nu, (columns + dj) % nv)] += 0.25 * cells
+        indices = [np.arange(count) for count in cells.shape]
+        for corner in product((0, 1), repeat=self.dimension):
+            steps = (*corner, 0)[: len(self.nodes)]
+            wrapped = [(at + step) % n for at, step, n in zip(indices, steps, self.nodes, strict=True)]
+            shares[np.ix_(*wrapped)] += cells / 2.0**self.dimension
         return shares
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Component arrays with a halo: node (i, j) lies at row i + 1, column j + halo.
+    """Component arrays [component, row, column] with a halo: the last axis runs along the columns, all others the rows.
 
-    Columns are filled up to whole lane groups and framed by one group on each side, rows by one row, so that kernels
-    read neighbours without a border test. Everything outside the body is zero and stays zero.
+    Node (i, j) of a curve or surface lies at row i + 1, column j + halo; node (i, j, k) of a solid at row
+    first_row + i stride + j, column k + halo, so that its neighbours along u are `stride` rows away. Columns are filled
+    up to whole lane groups and framed by one group on each side, rows by as many as a neighbour can be away (planes of
+    a solid share a row between them), so that kernels read neighbours without a border test. Everything outside the
+    body is zero and stays zero, but for the halo of periodic axes.
 
     Attributes:
-        nodes: Nodes along u (rows) and v (columns).
+        nodes: Nodes along each axis: two or three.
         lane_width: Nodes per lane group.
+        periodic: Axes whose index wraps; planes of a solid that is periodic along v share no row.
+        halo: Columns before the first node.
+        groups: Lane groups in a row, halo not included.
+        stride: Rows from a node to its neighbour along u.
+        first_row: Row of the first node.
     """
 
-    nodes: tuple[int, int]
+    nodes: tuple[int, ...]
     lane_width: int
+    periodic: tuple[bool, ...] = ()
     halo: int = field(init=False)
     groups: int = field(init=False)
+    stride: int = field(init=False)
+    first_row: int = field(init=False)
 
     def __post_init__(self) -> None:
+        solid = len(self.nodes) == 3
+        wraps = solid and len(self.periodic) == 3 and self.periodic[1]
+        stride = self.nodes[1] + (2 if wraps else 1) if solid else 1
+        object.__setattr__(self, "periodic", self.periodic or (False,) * len(self.nodes))
         object.__setattr__(self, "halo", self.lane_width)
-        object.__setattr__(self, "groups", -(-self.nodes[1] // self.lane_width))
+        object.__setattr__(self, "groups", -(-self.nodes[-1] // self.lane_width))
+        object.__setattr__(self, "stride", stride)
+        object.__setattr__(self, "first_row", stride + 1 if solid else 1)
+
+    @property
+    def node_rows(self) -> NDArray[np.int64]:
+        """Rows of the nodes, shape (nodes along all axes but the last)."""
+        rows = self.first_row + self.stride * np.arange(self.nodes[0])
+        return rows if len(self.nodes) == 2 else np.add.outer(rows, np.arange(self.nodes[1]))
 
     @property
     def rows(self) -> int:
         """Rows of an array, halo included."""
-        return self.nodes[0] + 2
+        return int(self.node_rows.max()) + self.first_row + 1
 
     @property
     def columns(self) -> int:
@@ -118,21 +152,38 @@ class Layout:
 
     @property
     def lane_dim(self) -> tuple[int, int]:
-        """Launch dimensions of a lane kernel: one thread per lane group."""
-        return (self.nodes[0], self.groups)
+        """Launch dimensions of a lane kernel that reads no neighbours: one thread per lane group, rows from 1 on."""
+        return (self.rows - 2, self.groups)
+
+    @property
+    def node_dim(self) -> tuple[int, int]:
+        """Launch dimensions of a kernel with one thread per place, rows from 1 on, columns from `halo` on.
+
+        Some places belong to no node; their mass is zero.
+        """
+        return (self.rows - 2, self.groups * self.lane_width)
+
+    def places(self, nodes: NDArray[np.integer]) -> NDArray[np.int64]:
+        """Row and column of nodes, given by their indices, shape (k, axes): shape (k, 2)."""
+        rows = self.node_rows[tuple(nodes[:, axis] for axis in range(len(self.nodes) - 1))]
+        return np.stack([rows, nodes[:, -1] + self.halo], axis=-1)
 
     def pack(self, values: NDArray[np.generic]) -> NDArray[np.float64]:
-        """Host values per node, shape (nu, nv) or (nu, nv, n), to component form (n, rows, columns).
+        """Host values per node, shape (*nodes) or (*nodes, n), to component form (n, rows, columns).
 
         Values on fewer samples than nodes (cells, edges) fill the first rows and columns; the rest is zero.
         """
-        values = values[..., None] if values.ndim == 2 else values
-        packed = np.zeros((values.shape[2], self.rows, self.columns))
-        packed[:, 1 : 1 + values.shape[0], self.halo : self.halo + values.shape[1]] = np.moveaxis(values, 2, 0)
+        axes = len(self.nodes)
+        values = values[..., None] if values.ndim == axes else values
+        *across, along, components = values.shape
+        rows = self.node_rows[tuple(slice(count) for count in across)].reshape(-1)
+        packed = np.zeros((components, self.rows, self.columns))
+        packed[:, rows, self.halo : self.halo + along] = np.moveaxis(values, -1, 0).reshape(components, -1, along)
         return packed
 
-    def unpack(self, packed: NDArray[np.generic], samples: tuple[int, int] | None = None) -> NDArray[np.float64]:
-        """The inverse of `pack`: (n, rows, columns) to a fresh array (nu, nv, n), or of fewer `samples` than nodes."""
-        nu, nv = samples or self.nodes
-        values = np.moveaxis(packed[:, 1 : 1 + nu, self.halo : self.halo + nv], 0, 2)
+    def unpack(self, packed: NDArray[np.generic], samples: tuple[int, ...] | None = None) -> NDArray[np.float64]:
+        """The inverse of `pack`: (n, rows, columns) to a fresh array (*nodes, n), or of fewer `samples` than nodes."""
+        *across, along = samples or self.nodes
+        rows = self.node_rows[tuple(slice(count) for count in across)].reshape(-1)
+        values = np.moveaxis(packed[:, rows, self.halo : self.halo + along], 0, -1).reshape(*across, along, -1)
         return np.array(values, dtype=np.float64, order="C")

@@ -116,3 +116,39 @@ def test_whole_lane_groups_stay_whole() -> None:
         grid = coarser
         found.append(grid.nodes)
     assert found[:3] == [(128, 32), (64, 16), (32, 8)]
+
+
+OTHERS = [
+    ParameterGrid((9, 5), (1.0, 1.0), dimension=1),
+    ParameterGrid((12, 20), (1.0, 1.0), (True, False), dimension=1),
+    ParameterGrid((5, 6, 7), (1.0, 1.0, 1.0)),
+    ParameterGrid((9, 8, 33), (1.0, 1.0, 1.0), (False, True, False)),
+    ParameterGrid((3, 17, 4), (1.0, 1.0, 1.0)),
+]
+
+
+@pytest.mark.parametrize("width", [1, 8])
+@pytest.mark.parametrize("grid", OTHERS, ids=lambda grid: str(grid.nodes))
+def test_transfers_of_curves_and_solids(grid: ParameterGrid, width: int) -> None:
+    coarse = grid.coarser((1.0,) * len(grid.nodes))
+    assert coarse is not None
+    fine_layout = Layout(grid.nodes, width, grid.periodic)
+    transfer = Transfer(grid, fine_layout, coarse, wp.float64, CPU)
+    random = np.random.default_rng(5)
+    a, b = random.normal(size=(*grid.nodes, 3)), random.normal(size=(*coarse.nodes, 3))
+
+    def moved(values: Array, tables: str, source: Layout, target: Layout) -> Array:
+        given = wp.array(source.pack(values), dtype=wp.float64, device=CPU)
+        found = wp.zeros((3, target.rows, target.columns), dtype=wp.float64, device=CPU)
+        inputs = [given, getattr(transfer, tables), found]
+        wp.launch(multigrid(width, wp.float64).carry, dim=target.lane_dim, inputs=inputs, device=CPU)
+        values = target.unpack(found.numpy())
+        assert np.count_nonzero(found.numpy()) <= values.size, "written outside the body"
+        return values
+
+    down = moved(a, "restrict", fine_layout, transfer.layout)
+    up = moved(b, "prolong", transfer.layout, fine_layout)
+    assert np.vdot(down, b) == pytest.approx(np.vdot(a, up), rel=1e-12, abs=1e-12)
+    np.testing.assert_allclose(transfer.gather(a[..., 0]), down[..., 0], atol=1e-12)
+    np.testing.assert_allclose(transfer.sample(a), moved(a, "positions", fine_layout, transfer.layout), atol=1e-12)
+    np.testing.assert_allclose(moved(np.ones(b.shape), "prolong", transfer.layout, fine_layout), 1.0, atol=1e-12)

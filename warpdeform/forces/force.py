@@ -46,7 +46,7 @@ class Coarsening(Protocol):
     coarse: ParameterGrid
     layout: Layout
     """Memory layout of the coarse grid."""
-    growth: tuple[float, float]
+    growth: tuple[float, ...]
     """Coarse over fine spacing along each axis."""
     cells: Any
     """Tables that average over the fine cells of each coarse cell."""

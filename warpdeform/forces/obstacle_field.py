@@ -142,7 +142,7 @@ class ObstacleField(Force):
             self._launch(body, self._kernels.finish_friction, inputs, [self._lagged])
 
     def _launch(self, body: BodyArrays, kernel: Any, inputs: list[Any], outputs: list[Any]) -> None:
-        wp.launch(kernel, dim=body.layout.nodes, inputs=inputs, outputs=outputs, device=body.device)
+        wp.launch(kernel, dim=body.layout.node_dim, inputs=inputs, outputs=outputs, device=body.device)
 
     def _describe(self) -> NDArray[np.void]:
         """What of the obstacles does not change."""

@@ -46,7 +46,7 @@ class Springs(Force):
         self._stiffness = np.zeros(len(nodes))
         for spec, rows in zip(self._specs, self._rows, strict=True):
             np.add.at(self._stiffness, rows, spec.stiffness)
-        self.places: wp.array = wp.array(nodes + [1, body.layout.halo], dtype=int, device=body.device)
+        self.places: wp.array = wp.array(body.layout.places(nodes), dtype=int, device=body.device)
         self.stiffness: wp.array = wp.array(self._stiffness, dtype=body.real, device=body.device)
         self._points = Parameters(self.points(0.0), body.real, body.device)
         self._kernels = springs(body.real)

@@ -32,7 +32,7 @@ class WindLoad(Force):
     energy_kind = ""
 
     def __init__(
-        self, body: BodyArrays, air: Wind, coefficient: float, periodic: tuple[bool, bool] = (False, False)
+        self, body: BodyArrays, air: Wind, coefficient: float, periodic: tuple[bool, ...] = (False, False)
     ) -> None:
         """Make the term.
 

@@ -52,7 +52,7 @@ class Level:
     Args:
         grid: Its grid.
         lengths: Mean distance of neighbours along each axis [m].
-        mass: Node masses [kg], shape (nu, nv).
+        mass: Node masses [kg], shape (*nodes).
         operator: A on this grid.
         vectors: The arrays that the cycle writes.
         stiff: Node-wise terms or pins leave the coarse grid something to feel.
@@ -62,7 +62,7 @@ class Level:
     def __init__(
         self,
         grid: ParameterGrid,
-        lengths: tuple[float, float],
+        lengths: tuple[float, ...],
         mass: NDArray[np.float64],
         operator: GridOperator,
         vectors: Vectors,
@@ -97,7 +97,7 @@ class Level:
         self._rates: wp.array = wp.array(rates_of(bound), dtype=body.real, device=body.device)
         self._long = caution[LONG_ENTRY : LONG_ENTRY + 1]
 
-    def _make_coarse(self, lengths: tuple[float, float], mass: NDArray[np.float64], caution: wp.array) -> "Level":
+    def _make_coarse(self, lengths: tuple[float, ...], mass: NDArray[np.float64], caution: wp.array) -> "Level":
         body, transfer = self._body, self._transfer
         layout, growth = transfer.layout, transfer.growth
 
@@ -112,7 +112,7 @@ class Level:
         arrays = CoarseBody(layout, body.real, body.lane_width, body.device, upload(coarse_mass), free)
         terms = [coarse for _, coarse in self._pairs]
         operator = GridOperator(arrays, self._operator.inertia, zeros(6) if self._stiff else None, terms)
-        coarse_lengths = (lengths[0] * growth[0], lengths[1] * growth[1])
+        coarse_lengths = tuple(length * grown for length, grown in zip(lengths, growth, strict=True))
         vectors = Vectors(zeros(3), zeros(3), zeros(3))
         return Level(transfer.coarse, coarse_lengths, coarse_mass, operator, vectors, self._stiff, caution)
 

@@ -22,7 +22,7 @@ class Sums:
         count = 0
         for state in states:
             self._offsets.append(count)
-            count += state.layout.nodes[0]
+            count += state.layout.lane_dim[0]
         self.rows: wp.array = wp.zeros((2, count), dtype=wp.float64, device=self._device)
 
     def gather_dots(self) -> None:
@@ -48,7 +48,7 @@ class Sums:
         for state, offset in zip(self.states, self._offsets, strict=True):
             stride = state.lane_width if by_lanes else 1
             inputs = [getattr(state, partials), stride, offset, self.rows]
-            wp.launch(kernel, dim=state.layout.nodes[0], inputs=inputs, device=self._device)
+            wp.launch(kernel, dim=state.layout.lane_dim[0], inputs=inputs, device=self._device)
 
     def _total(self, entry: int, scalars: wp.array) -> None:
         wp.launch(reductions().total, dim=1, inputs=[self.rows, entry, scalars], device=self._device)

@@ -34,26 +34,24 @@ class Transfer:
 
     def __init__(self, fine: ParameterGrid, fine_layout: Layout, coarse: ParameterGrid, real: Any, device: Any) -> None:
         self.coarse, self._real, self._device = coarse, real, device
-        self.layout = Layout(coarse.nodes, fine_layout.lane_width)
-        steps = list(zip(fine.cells, coarse.cells, fine.periodic, strict=True))
-        self.growth = (fine.cells[0] / coarse.cells[0], fine.cells[1] / coarse.cells[1])
-        prolong = [_interpolation(f, c, periodic) for f, c, periodic in steps]
-        self._prolong = prolong
-        self._positions = [_interpolation(c, f, periodic) for f, c, periodic in steps]
-        self.prolong = self._tables(prolong, self.layout, fine_layout)
-        self.restrict = self._tables([weights.T for weights in prolong], fine_layout, self.layout)
+        self.layout = Layout(coarse.nodes, fine_layout.lane_width, coarse.periodic)
+        wraps = [p or axis >= fine.dimension for axis, p in enumerate(fine.periodic)]
+        steps = list(zip(fine.cells, coarse.cells, wraps, strict=True))
+        self.growth = tuple(f / c for f, c, _ in steps)
+        self._prolong = [_interpolation(f, c, wrap) for f, c, wrap in steps]
+        self._positions = [_interpolation(c, f, wrap) for f, c, wrap in steps]
+        self.prolong = self._tables(self._prolong, self.layout, fine_layout)
+        self.restrict = self._tables([weights.T for weights in self._prolong], fine_layout, self.layout)
         self.positions = self._tables(self._positions, fine_layout, self.layout)
         self.cells = self._tables([_averages(f, c) for f, c, _ in steps], fine_layout, self.layout)
 
     def sample(self, values: Array) -> Array:
-        """Values at the fine nodes, shape (nu, nv, n), interpolated at the coarse nodes (host)."""
-        along_u, along_v = self._positions
-        return np.einsum("Ii,Jj,ijn->IJn", along_u, along_v, values)
+        """Values at the fine nodes, shape (*nodes, n), interpolated at the coarse nodes (host)."""
+        return _along_axes(self._positions, values)
 
     def gather(self, values: Array) -> Array:
-        """Fine values, shape (nu, nv), shared among the coarse nodes by the transpose of the interpolation (host)."""
-        along_u, along_v = self._prolong
-        return along_u.T @ values @ along_v
+        """Fine values, shape (*nodes), shared among the coarse nodes by the transpose of the interpolation (host)."""
+        return _along_axes([weights.T for weights in self._prolong], values)
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
@@ -61,13 +59,18 @@ class Transfer:
         return sum(a.capacity for m in maps for a in (m.rows, m.row_weights, m.columns, m.column_weights))
 
     def _tables(self, weights: list[Array], source: Layout, target: Layout) -> Any:
-        rows, row_weights = _taps(weights[0], 1, 1, target.rows)
-        columns, column_weights = _taps(weights[1], source.halo, target.halo, target.columns)
+        *across, along = [_taps(axis) for axis in weights]
+        rows, row_weights = _row_taps(across, source, target)
+        columns = np.zeros((len(along[0]), target.columns), dtype=np.int32)
+        column_weights = np.zeros((len(along[0]), 1, target.columns))
+        inside = slice(target.halo, target.halo + along[0].shape[1])
+        columns[:, inside] = np.where(along[1] != 0.0, along[0] + source.halo, 0)
+        column_weights[:, 0, inside] = along[1]
         tables = transfer_tables(self._real)()
         tables.rows = wp.array(rows, dtype=wp.int32, device=self._device)
         tables.row_weights = wp.array(row_weights, dtype=self._real, device=self._device)
         tables.columns = wp.array(columns, dtype=wp.int32, device=self._device)
-        tables.column_weights = wp.array(column_weights[:, None, :], dtype=self._real, device=self._device)
+        tables.column_weights = wp.array(column_weights, dtype=self._real, device=self._device)
         return tables
 
 
@@ -97,12 +100,41 @@ def _averages(fine: int, coarse: int) -> Array:
     return np.maximum(overlap, 0.0) * coarse / fine
 
 
-def _taps(weights: Array, source_offset: int, target_offset: int, size: int) -> tuple[NDArray[np.int32], Array]:
-    """Nonzero weights as a table, shape (taps, size), of indices and of weights; the rest is zero, with index zero."""
+Taps = tuple[NDArray[np.int64], Array]
+"""Indices and weights, shape (taps, targets); taps that a target does not need have index and weight zero."""
+
+
+def _taps(weights: Array) -> Taps:
+    """The nonzero weights of one axis."""
     chosen = [np.flatnonzero(row) for row in weights]
-    indices = np.zeros((max(map(len, chosen)), size), dtype=np.int32)
+    indices = np.zeros((max(map(len, chosen)), len(weights)), dtype=np.int64)
     values = np.zeros(indices.shape)
     for target, sources in enumerate(chosen):
-        indices[: len(sources), target + target_offset] = sources + source_offset
-        values[: len(sources), target + target_offset] = weights[target, sources]
+        indices[: len(sources), target] = sources
+        values[: len(sources), target] = weights[target, sources]
     return indices, values
+
+
+def _row_taps(across: list[Taps], source: Layout, target: Layout) -> tuple[NDArray[np.int32], Array]:
+    """Taps between rows of the component arrays, shape (taps, rows): of all axes but the last, taken together."""
+    indices, values = across[0]
+    sources, targets = source.node_rows, target.node_rows
+    if len(across) == 1:
+        found = sources[indices]
+    else:
+        more, more_values = across[1]
+        found = sources[indices[:, None, :, None], more[None, :, None, :]].reshape(-1, indices.shape[1], more.shape[1])
+        values = (values[:, None, :, None] * more_values[None, :, None, :]).reshape(found.shape)
+    rows = np.zeros((len(found), target.rows), dtype=np.int32)
+    row_weights = np.zeros((len(found), target.rows))
+    inside = targets[tuple(slice(count) for count in found.shape[1:])]
+    rows[:, inside] = np.where(values != 0.0, found, 0)
+    row_weights[:, inside] = values
+    return rows, row_weights
+
+
+def _along_axes(weights: list[Array], values: Array) -> Array:
+    """One linear map per axis, applied to values of shape (*nodes, ...)."""
+    for axis, matrix in enumerate(weights):
+        values = np.moveaxis(np.tensordot(matrix, values, axes=(1, axis)), 0, axis)
+    return values
