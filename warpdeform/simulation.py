@@ -3,7 +3,6 @@
 import time as clock
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -15,6 +14,7 @@ from warpdeform.handle import BodyHandle
 from warpdeform.information import BodyInfo, SimulationInfo, TermInfo
 from warpdeform.integrators import INTEGRATORS
 from warpdeform.integrators.newton import NewtonSolver
+from warpdeform.launching import Team, choose_threads
 from warpdeform.linear import PRECONDITIONERS
 from warpdeform.obstacle import Obstacle
 from warpdeform.result import Energy, Outcome, RunRecord, StepRecord
@@ -62,10 +62,13 @@ class Simulation:
             for body in bodies
         )
         states = [handle.state for handle in self.bodies]
-        self._solver = NewtonSolver(states, [handle.terms for handle in self.bodies], self.settings, self._iteration)
-        self._graph: Any = None
+        nodes = sum(handle.model.grid.node_count for handle in self.bodies)
+        self.threads = choose_threads(self.settings.threads, nodes, self.device) if captured else 1
+        terms = [handle.terms for handle in self.bodies]
+        self._solver = NewtonSolver(states, terms, self.settings, self._iteration, self.threads)
+        self._team = Team(self.threads, self.device)
         self._record = RunRecord(
-            nodes=sum(handle.model.grid.node_count for handle in self.bodies),
+            nodes=nodes,
             device=str(self.device),
             precision=self.settings.precision,
             integrator=self.integrator.name,
@@ -112,8 +115,8 @@ class Simulation:
         started = clock.perf_counter()
         end = (self._steps + 1) * self.dt
         self._solver.prepare(self.integrator.stage(self.dt, self._dt_before), end, self.dt, self._impact)
-        if self._graph is not None:
-            wp.capture_launch(self._graph)
+        if self._team.recorded:
+            self._team.replay()
         else:
             self._solver.record()
         report = self._solver.report()
@@ -167,9 +170,7 @@ class Simulation:
         self._solver.prepare(self.integrator.stage(self.dt, None), self.dt, self.dt)
         self._solver.rehearse()
         if self._captured:
-            with wp.ScopedCapture(device=self.device) as capture:
-                self._solver.record()
-            self._graph = capture.graph
+            self._team.record(self._solver.record)
         self._rewind()
 
     def _rewind(self) -> None:

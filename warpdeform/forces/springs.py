@@ -10,6 +10,7 @@ from warpdeform.body import Spring, rotate, select_nodes
 from warpdeform.forces.force import BodyArrays, Force
 from warpdeform.forces.parameters import Parameters
 from warpdeform.kernels.loads import springs
+from warpdeform.launching import launch_alone
 
 
 class Springs(Force):
@@ -74,30 +75,33 @@ class Springs(Force):
             self._points.write(self.points(time))
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
-        wp.launch(
+        launch_alone(
             self._kernels.add_energy,
-            dim=len(self._stiffness),
-            inputs=[self.places, self.stiffness, self._points.array, body.x, position],
-            outputs=[partials],
+            len(self._stiffness),
+            self.places,
+            self.stiffness,
+            self._points.array,
+            body.x,
+            position,
+            partials,
             device=body.device,
         )
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
-        wp.launch(
+        launch_alone(
             self._kernels.add_gradient,
-            dim=len(self._stiffness),
-            inputs=[self.places, self.stiffness, self._points.array, position],
-            outputs=[gradient],
+            len(self._stiffness),
+            self.places,
+            self.stiffness,
+            self._points.array,
+            position,
+            gradient,
             device=body.device,
         )
 
     def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
-        wp.launch(
-            self._kernels.add_blocks,
-            dim=len(self._stiffness),
-            inputs=[self.places, self.stiffness],
-            outputs=[blocks],
-            device=body.device,
+        launch_alone(
+            self._kernels.add_blocks, len(self._stiffness), self.places, self.stiffness, blocks, device=body.device
         )
 
     def stored_energy(self, body: BodyArrays, position: wp.array) -> float:

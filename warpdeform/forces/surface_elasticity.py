@@ -13,6 +13,7 @@ from warpdeform.kernels import surface as kernels
 from warpdeform.kernels.surface_blocks import surface_blocks
 from warpdeform.kernels.surface_coupling import CHANGE_COMPONENTS, COUPLING_KERNELS, surface_coupling
 from warpdeform.kernels.surface_levels import surface_levels
+from warpdeform.launching import Whole, launch_lanes
 from warpdeform.material import Material
 
 Array = NDArray[np.float64]
@@ -51,7 +52,7 @@ class SurfaceElasticity(Force):
         self.coupled = self.stiffness.coupling is not None
         # A cell's corners; a node and its neighbours; a cell and the neighbours of one of its corners.
         self.sample_nodes = 6 if self.coupled else 5 if self.bending else 4
-        self._dim, self._device = layout.lane_dim, device
+        self._layout, self._device = layout, device
         self._lane_width, self._real = layout.lane_width, real
         self._words = kernels.surface(layout.lane_width, real, self.stiffness.orthogonal, self.bending)
         self._coupling: Any = surface_coupling(layout.lane_width, real) if self.coupled else None
@@ -98,7 +99,7 @@ class SurfaceElasticity(Force):
         return sum(a.capacity for a in (*arrays, self.scatter, self.KC, self.change, self.alpha_u, self.alpha_v))
 
     def _launch(self, kernel: Any, *arguments: Any) -> None:
-        wp.launch(kernel, dim=self._dim, inputs=arguments, device=self._device)
+        launch_lanes(kernel, self._layout, *arguments, device=self._device)
 
     def coarser(self, transfer: Coarsening) -> "SurfaceElasticity":
         """The surface through the coarse nodes, with the kernels of this one."""
@@ -112,7 +113,7 @@ class SurfaceElasticity(Force):
         assert isinstance(coarse, SurfaceElasticity)
         kernel = surface_levels(self._lane_width, self._real).average_tension
         ratio = self._real(transfer.growth[0] / transfer.growth[1])
-        coarse._launch(kernel, self.tension, transfer.cells, ratio, coarse.tension)
+        coarse._launch(kernel, Whole(self.tension), transfer.cells, ratio, coarse.tension)
 
     def measure(self, position: wp.array, q_out: wp.array, b_out: wp.array) -> None:
         """Strain numbers q, shape (5, rows, columns), and curvature numbers b, shape (3, rows, columns), of a shape."""

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from warpdeform.forces.force import LAGGED_ITERATIONS, BodyArrays, Force
 from warpdeform.forces.parameters import Parameters
 from warpdeform.kernels.loads import FACING_COMPONENTS, gusts, wind
+from warpdeform.launching import launch_lanes
 from warpdeform.wind import Wind
 
 
@@ -85,39 +86,48 @@ class WindLoad(Force):
         face, stream = self._kernels.face_stream, [self._mean.array]
         if self._gusting:
             face, stream = self._gust_kernels.face_gusts, [self._mean.array, self._wave_table, self._turns.array]
-        wp.launch(
+        launch_lanes(
             face,
-            dim=body.layout.lane_dim,
-            inputs=[body.iteration, LAGGED_ITERATIONS, position, self._slopes_u, self._slopes_v, *stream],
-            outputs=[self.facing],
+            body.layout,
+            body.iteration,
+            LAGGED_ITERATIONS,
+            position,
+            self._slopes_u,
+            self._slopes_v,
+            *stream,
+            self.facing,
             device=body.device,
         )
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
-        wp.launch(
+        launch_lanes(
             self._kernels.add_energy,
-            dim=body.layout.lane_dim,
-            inputs=[body.area, self.facing, body.w, position, self._air.array],
-            outputs=[partials],
+            body.layout,
+            body.area,
+            self.facing,
+            body.w,
+            position,
+            self._air.array,
+            partials,
             device=body.device,
         )
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
-        wp.launch(
+        launch_lanes(
             self._kernels.add_gradient,
-            dim=body.layout.lane_dim,
-            inputs=[body.area, self.facing, body.w, position, self._air.array],
-            outputs=[gradient],
+            body.layout,
+            body.area,
+            self.facing,
+            body.w,
+            position,
+            self._air.array,
+            gradient,
             device=body.device,
         )
 
     def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
-        wp.launch(
-            self._kernels.add_blocks,
-            dim=body.layout.lane_dim,
-            inputs=[body.area, self.facing, self._air.array],
-            outputs=[blocks],
-            device=body.device,
+        launch_lanes(
+            self._kernels.add_blocks, body.layout, body.area, self.facing, self._air.array, blocks, device=body.device
         )
 
 

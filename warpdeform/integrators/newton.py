@@ -22,6 +22,7 @@ from warpdeform.integrators.integrator import Stage
 from warpdeform.kernels import newton as entries
 from warpdeform.kernels.krylov import krylov
 from warpdeform.kernels.newton import decisions, stage
+from warpdeform.launching import do_each, launch_alone, launch_lanes, repeat_while
 from warpdeform.linear import ConjugateGradient, LinearOperator, Sums, choose_preconditioner
 from warpdeform.result import OUTCOMES, StepRecord
 from warpdeform.settings import Settings
@@ -47,10 +48,16 @@ class NewtonSolver:
         terms: The terms of each body.
         settings: Solver settings.
         iteration: The Newton iteration counter that the states share, int32, shape (1,).
+        threads: Threads that a step is shared by.
     """
 
     def __init__(
-        self, states: Sequence[State], terms: Sequence[Sequence[Force]], settings: Settings, iteration: wp.array
+        self,
+        states: Sequence[State],
+        terms: Sequence[Sequence[Force]],
+        settings: Settings,
+        iteration: wp.array,
+        threads: int = 1,
     ) -> None:
         device = states[0].device
         self.states, self.terms, self._device, self._iteration = tuple(states), terms, device, iteration
@@ -64,7 +71,7 @@ class NewtonSolver:
             self.operator, self.preconditioner, self.sums, settings.cg_tolerance, settings.cg_iterations
         )
         self._scalars: wp.array = wp.zeros(entries.STEP_SCALARS, dtype=wp.float64, device=device)
-        self._flushed: wp.array = wp.zeros(1, dtype=wp.int32, device=device)
+        self._flushed: wp.array = wp.zeros(threads, dtype=wp.int32, device=device)
         self._impact: wp.array = wp.zeros(1, dtype=wp.int32, device=device)
         self._state: wp.array = wp.zeros(entries.STEP_STATE, dtype=wp.int32, device=device)
         self._newton_active = self._state[entries.NEWTON_ACTIVE : entries.NEWTON_ACTIVE + 1]
@@ -102,14 +109,12 @@ class NewtonSolver:
 
     def record(self) -> None:
         """Launch one step; nothing in it asks the host."""
-        self._decide("enter_step", self._flushed)
-        self._decide("begin_step", self._scalars, self._state)
-        self._iteration.zero_()
-        self._impact.zero_()
+        do_each(lambda thread: self._flush("enter_step", thread))
+        self._decide("begin_step", self._scalars, self._state, self._iteration, self._impact)
         self._start()
-        wp.capture_while(self._newton_active, self._iterate)
+        repeat_while(self._newton_active, self._iterate)
         self._finish()
-        self._decide("leave_step", self._flushed)
+        do_each(lambda thread: self._flush("leave_step", thread))
 
     def rehearse(self) -> None:
         """Launch a step of one Newton and one conjugate gradient iteration: every kernel, whatever the settings."""
@@ -138,7 +143,7 @@ class NewtonSolver:
         for state, own in zip(self.states, self.terms, strict=True):
             for row, vector in ((W, state.w), (Y, state.y), (START, state.trial)):
                 self._stage(state, "combine", self._weights[state.real].array, row, *_history(state), vector)
-            wp.copy(state.z, state.x)
+            self._lanes(state, "copy", state.x, state.z)
             self._stage(state, "place_pins", state.free, state.model.target, state.z)
             self._stage(state, "place_pins", state.free, state.model.target, state.trial)
             for term in own:
@@ -159,7 +164,7 @@ class NewtonSolver:
         for state, own in zip(self.states, self.terms, strict=True):
             for term in own:
                 term.linearise(state, state.z)
-            state.gradient.zero_()
+            self._lanes(state, "clear", state.gradient)
             self._add_gradients(state, own)
             self._mask_gradient(state)
         self.operator.update()
@@ -171,7 +176,7 @@ class NewtonSolver:
         self._greatest("direction", "free", entries.UPDATE)
         self._potential("z", entries.PHI)
         self._decide("begin_search", self.linear_solver.state, self.linear_solver.cap, self._scalars, self._state)
-        wp.capture_while(self._search_active, self._search)
+        repeat_while(self._search_active, self._search)
         self._step_along("z")
         self._decide("end_iteration", self._control, self._limits.array, self._scalars, self._state, self._iteration)
 
@@ -184,8 +189,8 @@ class NewtonSolver:
         for state, loads, stored in zip(self.states, self._loads, self._stored, strict=True):
             for term in (*loads, *stored):
                 term.linearise(state, state.z)
-            state.gradient.zero_()
-            state.dots.zero_()
+            self._lanes(state, "clear", state.gradient)
+            self._stage(state, "clear_partials", state.dots)
             for term in loads:
                 term.add_gradient(state, state.z, state.gradient)
             self._stage(state, "work_of_loads", state.gradient, state.z, state.x, state.dots)
@@ -224,7 +229,7 @@ class NewtonSolver:
         """Incremental potential of a vector into the scalars."""
         for state, own in zip(self.states, self.terms, strict=True):
             position = getattr(state, vector)
-            state.partials.zero_()
+            self._stage(state, "clear_partials", state.partials)
             inertia = self.operator.inertia(state)
             self._stage(state, "add_inertial_energy", state.mass, inertia, position, state.y, state.partials)
             for term in own:
@@ -238,14 +243,19 @@ class NewtonSolver:
 
     def _stage(self, state: State, name: str, *inputs: Any) -> None:
         kernel = getattr(stage(state.lane_width, state.real), name)
-        wp.launch(kernel, dim=state.layout.lane_dim, inputs=inputs, device=self._device)
+        launch_lanes(kernel, state.layout, *inputs, device=self._device)
 
     def _lanes(self, state: State, name: str, *inputs: Any) -> None:
         kernel = getattr(krylov(state.lane_width, state.real), name)
-        wp.launch(kernel, dim=state.layout.lane_dim, inputs=inputs, device=self._device)
+        launch_lanes(kernel, state.layout, *inputs, device=self._device)
 
     def _decide(self, name: str, *inputs: Any) -> None:
-        wp.launch(getattr(decisions(), name), dim=1, inputs=inputs, device=self._device)
+        launch_alone(getattr(decisions(), name), 1, *inputs, device=self._device)
+
+    def _flush(self, name: str, thread: int) -> None:
+        """The floating-point mode is each thread's own."""
+        flushed = self._flushed[thread : thread + 1]
+        wp.launch(getattr(decisions(), name), dim=1, inputs=[flushed], device=self._device)
 
 
 def _history(state: State) -> tuple[wp.array, ...]:

@@ -5,6 +5,7 @@ from typing import Any
 import warp as wp
 
 from warpdeform.kernels.multigrid import dense
+from warpdeform.launching import launch_alone
 from warpdeform.linear.operator import GridOperator
 
 
@@ -54,4 +55,4 @@ class DenseInverse:
         self._launch("multiply", *self._place, self._free, self._inverse, self._vector, solution)
 
     def _launch(self, name: str, *inputs: Any) -> None:
-        wp.launch(getattr(self._kernels, name), dim=self._unknowns, inputs=inputs, device=self._device)
+        launch_alone(getattr(self._kernels, name), self._unknowns, *inputs, device=self._device)

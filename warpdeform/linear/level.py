@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.kernels.choice import LONG as LONG_ENTRY
 from warpdeform.kernels.multigrid import multigrid
+from warpdeform.launching import Whole, choose, launch_lanes
 from warpdeform.linear.coarsest import DenseInverse
 from warpdeform.linear.operator import GridOperator
 from warpdeform.linear.smoother import LONG, SHORT, Smoother, rates_of
@@ -151,13 +152,15 @@ class Level:
             return
         coarse = self.coarse
         assert coarse is not None
-        coarse._launch("carry", self.position, self._transfer.positions, coarse.position)
+        coarse._launch("carry", Whole(self.position), self._transfer.positions, coarse.position)
         for fine_term, coarse_term in self._pairs:
             coarse_term.linearise(coarse._body, coarse.position)
             fine_term.coarsen(self._transfer, coarse_term)
         if coarse._operator.blocks is not None:
             coarse._operator.start_blocks(coarse._operator.blocks)
-            coarse._launch("add_carried_blocks", self._stiffening, self._transfer.restrict, coarse._operator.blocks)
+            coarse._launch(
+                "add_carried_blocks", Whole(self._stiffening), self._transfer.restrict, coarse._operator.blocks
+            )
         if coarse.coarse is not None:
             coarse.update_blocks()
         coarse.update_coarse()
@@ -185,23 +188,23 @@ class Level:
         coarse, tables = self.coarse, self._transfer
         if self._elastic is not inverse:
             self._launch("retire_filtered", free, self._elastic, inverse, q, self.residual, self._change)
-            coarse._launch("carry", self._change, tables.restrict, coarse.residual)
+            coarse._launch("carry", Whole(self._change), tables.restrict, coarse.residual)
         else:
             self._launch("retire", free, q, self.residual)
-            coarse._launch("carry", self.residual, tables.restrict, coarse.residual)
+            coarse._launch("carry", Whole(self.residual), tables.restrict, coarse.residual)
         coarse.cycle(coarse.residual)
         correction = (self._change, self.solution)
         if self._elastic is not inverse:
             filters = (free, self._elastic, inverse)
-            self._launch("correct_filtered", coarse.solution, tables.prolong, *filters, *correction)
+            self._launch("correct_filtered", Whole(coarse.solution), tables.prolong, *filters, *correction)
         else:
-            self._launch("correct", coarse.solution, tables.prolong, free, *correction)
+            self._launch("correct", Whole(coarse.solution), tables.prolong, free, *correction)
         self._smooth(0)
 
     def _smooth(self, first: int) -> None:
         """Steps of the smoother, each from the change that the one before has made."""
         self._smooth_steps(first, SHORT.degree)
-        wp.capture_if(self._long, self._smooth_steps, first=SHORT.degree, last=LONG.degree)
+        choose(self._long, lambda: self._smooth_steps(SHORT.degree, LONG.degree), None)
 
     def _smooth_steps(self, first: int, last: int) -> None:
         for step in range(first, last):
@@ -211,4 +214,4 @@ class Level:
 
     def _launch(self, name: str, *inputs: Any) -> None:
         kernel = getattr(self._kernels, name)
-        wp.launch(kernel, dim=self._body.layout.lane_dim, inputs=inputs, device=self._body.device)
+        launch_lanes(kernel, self._body.layout, *inputs, device=self._body.device)

@@ -8,6 +8,7 @@ import warp as wp
 from warpdeform.forces.force import Force, GridArrays, GridTerm
 from warpdeform.forces.parameters import Parameters
 from warpdeform.kernels.krylov import krylov
+from warpdeform.launching import launch_lanes
 from warpdeform.state import State
 
 Terms = Sequence[Sequence[Force]]
@@ -50,13 +51,13 @@ class GridOperator:
         if self.blocks is None:
             self.start_blocks(blocks)
         else:
-            wp.copy(blocks, self.blocks)
+            self.launch("copy_blocks", self.blocks, blocks)
         self.add_elastic_diagonal(blocks)
 
     def launch(self, name: str, *inputs: Any) -> None:
         """Launch a kernel of :mod:`warpdeform.kernels.krylov` over this grid."""
         kernel = getattr(krylov(self.body.lane_width, self.body.real), name)
-        wp.launch(kernel, dim=self.body.layout.lane_dim, inputs=inputs, device=self.body.device)
+        launch_lanes(kernel, self.body.layout, *inputs, device=self.body.device)
 
 
 class LinearOperator:

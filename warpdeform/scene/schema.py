@@ -56,6 +56,7 @@ class SolverTable(Table):
     preconditioner: str = key(Settings.preconditioner, "Preconditioner", example="auto")
     precision: str = key(Settings.precision, "float32 or float64", example="float32")
     device: str = key(Settings.device, "Device: auto, cpu, cuda:0, ...", example="auto")
+    threads: int = key(Settings.threads, "Threads that share a step on the CPU; 0 = as many as pay", example=2)
 
 
 class HeldPathTable(PathTable):

@@ -100,10 +100,10 @@ class Sheet:
         k, sums, s = krylov(self.width, self.real), reductions(), self.state
         self.launch(k.start_product, s.mass, self.inertia, self.p, self.q)
         self.launch(k.mask_dot, s.free, self.p, self.q, s.dots)
-        self.launch(sums.sum_rows, s.dots, self.width, 0, self.rows, rows=True)
+        self.launch(sums.sum_rows, s.dots, self.width, self.rows, rows=True)
         self.launch(k.advance, self.scalars, self.p, self.q, self.sum, self.r)
         self.launch(k.apply_blocks, s.free, self.inverse, self.r, self.z, s.dots)
-        self.launch(sums.sum_rows, s.dots, self.width, 0, self.rows, rows=True)
+        self.launch(sums.sum_rows, s.dots, self.width, self.rows, rows=True)
         self.launch(k.turn, self.scalars, self.z, self.p)
 
 
