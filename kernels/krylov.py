@@ -106,25 +106,6 @@ def krylov(width: int, real: Any) -> SimpleNamespace:
         partials_out[i, j] = sum_lanes(dot3(load3(p, 0, i, j), q))
 
     @wp.kernel(module=module)
-    def start_product(
-        mass: wp.array3d(dtype=real),
-        inertia: wp.array(dtype=real),
-        p: wp.array3d(dtype=real),
-        q_out: wp.array3d(dtype=real),
-    ):
-        """q = M p / tau^2."""
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        store3(q_out, 0, i, j, scale(inertia[0] * load1(mass, 0, i, j), load3(p, 0, i, j)))
-
-    @wp.kernel(module=module)
-    def start_product_blocks(blocks: wp.array3d(dtype=real), p: wp.array3d(dtype=real), q_out: wp.array3d(dtype=real)):
-        """q = B p with the node blocks B, which hold M / tau^2."""
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        store3(q_out, 0, i, j, apply6(load6(blocks, 0, i, j), load3(p, 0, i, j)))
-
-    @wp.kernel(module=module)
     def start_blocks(mass: wp.array3d(dtype=real), inertia: wp.array(dtype=real), blocks_out: wp.array3d(dtype=real)):
         """B = M / tau^2."""
         ii, group = wp.tid()
@@ -206,8 +187,6 @@ def krylov(width: int, real: Any) -> SimpleNamespace:
         dot=dot,
         mask=mask,
         mask_dot=mask_dot,
-        start_product=start_product,
-        start_product_blocks=start_product_blocks,
         start_blocks=start_blocks,
         invert_blocks=invert_blocks,
         invert_traces=invert_traces,

@@ -32,6 +32,7 @@ FLOORS = (
         "body",
         "state",
         "device",
+        "launching",
         "errors",
         "result",
         "settings",

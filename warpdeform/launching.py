@@ -11,11 +11,11 @@ import ctypes
 import os
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from queue import SimpleQueue
 from typing import Any, Protocol
 
@@ -37,6 +37,35 @@ class ByRows(Protocol):
 
     def of_rows(self, low: int, high: int) -> Any:
         """The argument for a thread whose rows, counted from 0 and without the halo, are `low` to `high` - 1."""
+
+
+@dataclass(frozen=True)
+class RowStruct:
+    """A struct of component arrays.
+
+    Attributes:
+        struct: The struct.
+        arrays: Its members by name, each of shape (n, rows, columns), or (1, 1, 1) where it is not used.
+    """
+
+    struct: Any
+    arrays: Mapping[str, wp.array]
+
+    def of_rows(self, low: int, high: int) -> Any:
+        """The struct with the rows of its members from `low` on."""
+        if low == 0:
+            return self._whole
+        return self._filled({name: a[:, low:] if a.size > 1 else a for name, a in self.arrays.items()})
+
+    @cached_property
+    def _whole(self) -> Any:
+        return self._filled(self.arrays)
+
+    def _filled(self, arrays: Mapping[str, wp.array]) -> Any:
+        instance = self.struct()
+        for name, array in arrays.items():
+            setattr(instance, name, array)
+        return instance
 
 
 @dataclass(frozen=True)

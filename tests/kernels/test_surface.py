@@ -33,6 +33,7 @@ from warpdeform.kernels.surface import (
 )
 from warpdeform.kernels.surface_blocks import surface_blocks
 from warpdeform.kernels.surface_coupling import CHANGE_COMPONENTS, COUPLING_KERNELS, surface_coupling
+from warpdeform.launching import RowStruct
 
 Array = np.ndarray[Any, Any]
 
@@ -112,6 +113,10 @@ def run(nodes: tuple[int, int], orthogonal: bool, bending: str, real: Any, width
         arrays[name] = upload(layout.pack(np.zeros((*nodes, components))))
         return arrays[name]
 
+    def fluxes(flux: wp.array, flexure: wp.array, scatter: wp.array) -> Any:
+        members = {"flux": flux, "flexure": flexure, "scatter": scatter}
+        return RowStruct(kernels.gathering.Fluxes, members).of_rows(0, layout.rows)
+
     def launch(name: str, *inputs: Any, of: Any = kernels) -> None:
         wp.launch(getattr(of, name), dim=layout.lane_dim, inputs=inputs, device="cpu")
 
@@ -134,7 +139,7 @@ def run(nodes: tuple[int, int], orthogonal: bool, bending: str, real: Any, width
         launch("change", z, b0, *alphas, floor, floor, poisoned("change", CHANGE_COMPONENTS), of=coupling)
         scatter, bent = poisoned("scatter", SCATTER_COMPONENTS), (*alphas, flexure, twist)
         launch("couple", KB, KC, *bent, arrays["change"], arrays["flux"], scatter, of=coupling)
-    launch("gather", arrays["flux"], flexure, scatter, added("gradient", 3))
+    launch("gather", fluxes(arrays["flux"], flexure, scatter), added("gradient", 3))
     launch("block_cells", z, K, tension, K12, twist, added("blocks", 6), of=diagonal)
     launch("product_cells", z, K, tension, K12, twist, p, poisoned("product_flux", 9))
     moments = scatter
@@ -147,7 +152,7 @@ def run(nodes: tuple[int, int], orthogonal: bool, bending: str, real: Any, width
         launch("couple", KB, KC, *bent, arrays["product_change"], arrays["product_flux"], moments, of=coupling)
     elif bends:
         launch("product_nodes", KB, *alphas, flexure, p, moments)
-    launch("gather", arrays["product_flux"], flexure, moments, added("product", 3))
+    launch("gather", fluxes(arrays["product_flux"], flexure, moments), added("product", 3))
     partials = wp.zeros((layout.rows, layout.columns), dtype=wp.float64, device="cpu")
     launch("energy_cells", z, K, q0, K12, b0, floor, partials)
     if bends:

@@ -13,7 +13,7 @@ from warpdeform.kernels import surface as kernels
 from warpdeform.kernels.surface_blocks import surface_blocks
 from warpdeform.kernels.surface_coupling import CHANGE_COMPONENTS, COUPLING_KERNELS, surface_coupling
 from warpdeform.kernels.surface_levels import surface_levels
-from warpdeform.launching import Whole, launch_lanes
+from warpdeform.launching import RowStruct, Whole, launch_lanes
 from warpdeform.material import Material
 
 Array = NDArray[np.float64]
@@ -76,6 +76,9 @@ class SurfaceElasticity(Force):
         self.flexure = scratch(kernels.FLEXURE_COMPONENTS, self.bending)
         self.scatter = scratch(kernels.SCATTER_COMPONENTS, self.bending)
         self.change = scratch(CHANGE_COMPONENTS, self.coupled)
+        self.gathering = self._words.gathering
+        gathered = {"flux": self.flux, "flexure": self.flexure, "scatter": self.scatter}
+        self.fluxes = RowStruct(self._words.gathering.Fluxes, gathered)
         alpha_u, alpha_v = difference_weights(grid, layout)
         self.alpha_u: wp.array = wp.array(alpha_u, dtype=real, device=device)
         self.alpha_v: wp.array = wp.array(alpha_v, dtype=real, device=device)
@@ -166,10 +169,10 @@ class SurfaceElasticity(Force):
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the exact derivative of the energy; uses the stresses of `linearise` (before any Hessian product)."""
-        self._launch(self._words.gather, self.flux, self.flexure, self.scatter, gradient)
+        self._launch(self._words.gather, self.fluxes, gradient)
 
-    def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
-        """Add the projected Hessian times `direction`."""
+    def write_fluxes(self, body: GridArrays, direction: wp.array) -> None:
+        """Write flux and scatter of the projected Hessian times `direction`."""
         k = self._words
         self._launch(k.product_cells, self._position, self.K, self.tension, self.K12, self.twist, direction, self.flux)
         if self.coupled:
@@ -178,7 +181,11 @@ class SurfaceElasticity(Force):
             self._couple()
         elif self.bending:
             self._launch(k.product_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, direction, self.scatter)
-        self._launch(k.gather, self.flux, self.flexure, self.scatter, product)
+
+    def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
+        """Add the projected Hessian times `direction`."""
+        self.write_fluxes(body, direction)
+        self._launch(self._words.gather, self.fluxes, product)
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian."""

@@ -39,12 +39,10 @@ class Vectors:
     Attributes:
         position: Where the terms are linearised [m].
         solution: What the cycle finds [m].
-        product: Scratch [N].
     """
 
     position: wp.array
     solution: wp.array
-    product: wp.array
 
 
 class Level:
@@ -73,7 +71,7 @@ class Level:
         body = operator.body
         self._caution = caution
         self._body, self._operator, self._stiff = body, operator, stiff
-        self.position, self.solution, self._product = vectors.position, vectors.solution, vectors.product
+        self.position, self.solution = vectors.position, vectors.solution
         self._kernels = multigrid(body.lane_width, body.real)
 
         def zeros(components: int) -> wp.array:
@@ -114,7 +112,7 @@ class Level:
         terms = [coarse for _, coarse in self._pairs]
         operator = GridOperator(arrays, self._operator.inertia, zeros(6) if self._stiff else None, terms)
         coarse_lengths = tuple(length * grown for length, grown in zip(lengths, growth, strict=True))
-        vectors = Vectors(zeros(3), zeros(3), zeros(3))
+        vectors = Vectors(zeros(3), zeros(3))
         return Level(transfer.coarse, coarse_lengths, coarse_mass, operator, vectors, self._stiff, caution)
 
     def bytes(self) -> int:
@@ -125,7 +123,7 @@ class Level:
         if self.coarse is None:
             return own + (self._coarsest.bytes() if self._coarsest else 0)
         coarse, operator = self.coarse, self.coarse._operator
-        arrays = (coarse.position, coarse.solution, coarse._product, operator.body.mass, operator.body.free)
+        arrays = (coarse.position, coarse.solution, operator.body.mass, operator.body.free)
         own += sum(array.capacity for array in arrays) + self._transfer.bytes()
         own += operator.blocks.capacity if operator.blocks is not None else 0
         return own + sum(term.bytes() for term in operator.terms) + coarse.bytes()
@@ -148,7 +146,7 @@ class Level:
     def update_coarse(self) -> None:
         """Rebuild the coarser grids, or the inverse where there are none; follows `update_blocks`."""
         if self._coarsest is not None:
-            self._coarsest.update(self._change, self._product)
+            self._coarsest.update(self._change)
             return
         coarse = self.coarse
         assert coarse is not None
@@ -180,23 +178,19 @@ class Level:
             self._coarsest.apply(residual, self.solution)
             return
         assert self.coarse is not None
-        free, inverse, q = self._body.free, self.inverse, self._product
+        free, inverse = self._body.free, self.inverse
         vectors = (self.residual, self._change, self.solution)
         self._launch("start_smoother", free, inverse, residual, self._rates, self._caution, *vectors)
         self._smooth(1)
-        self._operator.product(self._change, q)
         coarse, tables = self.coarse, self._transfer
-        if self._elastic is not inverse:
-            self._launch("retire_filtered", free, self._elastic, inverse, q, self.residual, self._change)
-            coarse._launch("carry", Whole(self._change), tables.restrict, coarse.residual)
-        else:
-            self._launch("retire", free, q, self.residual)
-            coarse._launch("carry", Whole(self.residual), tables.restrict, coarse.residual)
+        blocks = (free, self._elastic, inverse)
+        self._operator.launch_product("retire", self._change, *blocks, self.residual, self._change)
+        filtered = self._elastic is not inverse
+        coarse._launch("carry", Whole(self._change if filtered else self.residual), tables.restrict, coarse.residual)
         coarse.cycle(coarse.residual)
         correction = (self._change, self.solution)
-        if self._elastic is not inverse:
-            filters = (free, self._elastic, inverse)
-            self._launch("correct_filtered", Whole(coarse.solution), tables.prolong, *filters, *correction)
+        if filtered:
+            self._launch("correct_filtered", Whole(coarse.solution), tables.prolong, *blocks, *correction)
         else:
             self._launch("correct", Whole(coarse.solution), tables.prolong, free, *correction)
         self._smooth(0)
@@ -208,9 +202,9 @@ class Level:
 
     def _smooth_steps(self, first: int, last: int) -> None:
         for step in range(first, last):
-            self._operator.product(self._change, self._product)
-            inputs = (self._body.free, self.inverse, self._product, self._rates, self._caution, step)
-            self._launch("smooth", *inputs, self.residual, self._change, self.solution)
+            inputs = (self._body.free, self.inverse, self._rates, self._caution, step)
+            vectors = (self.residual, self._change, self.solution)
+            self._operator.launch_product("smooth", self._change, *inputs, *vectors)
 
     def _launch(self, name: str, *inputs: Any) -> None:
         kernel = getattr(self._kernels, name)

@@ -8,6 +8,7 @@ import warp as wp
 from warpdeform.forces.force import Force, GridArrays, GridTerm
 from warpdeform.forces.parameters import Parameters
 from warpdeform.kernels.krylov import krylov
+from warpdeform.kernels.products import products
 from warpdeform.launching import launch_lanes
 from warpdeform.state import State
 
@@ -22,20 +23,34 @@ class GridOperator:
         body: Arrays of the body on this grid.
         inertia: 1 / tau^2 [1/s2] on the device, shape (1,).
         blocks: M/tau^2 and the blocks of node-wise terms [N/m], shape (6, rows, columns); None where mass is all.
-        terms: The terms that couple nodes.
+        terms: The terms that couple nodes. The first one gathers fluxes and is what smoothers know of A; what others
+            add is found by conjugate gradient alone, but for their diagonal blocks.
     """
 
     def __init__(self, body: GridArrays, inertia: wp.array, blocks: wp.array | None, terms: Sequence[GridTerm]) -> None:
         self.body, self.inertia, self.blocks, self.terms = body, inertia, blocks, tuple(terms)
+        gathering = self.terms[0].gathering
+        assert gathering is not None
+        self._kernels = products(body.lane_width, body.real, gathering, blocks is not None)
 
     def product(self, p: wp.array, q: wp.array) -> None:
         """q = A p."""
-        if self.blocks is None:
-            self.launch("start_product", self.body.mass, self.inertia, p, q)
-        else:
-            self.launch("start_product_blocks", self.blocks, p, q)
-        for term in self.terms:
+        self.launch_product("product", p, p, q)
+        for term in self.terms[1:]:
             term.add_hessian_product(self.body, p, q)
+
+    def launch_product(self, name: str, p: wp.array, *inputs: Any) -> None:
+        """Write the fluxes of the product with p and launch what ends it (:mod:`warpdeform.kernels.products`).
+
+        Args:
+            name: The kernel.
+            p: The vector, shape (3, rows, columns).
+            inputs: Arguments of the kernel after those that the operator knows.
+        """
+        first, body = self.terms[0], self.body
+        first.write_fluxes(body, p)
+        own = (first.fluxes, body.mass if self.blocks is None else self.blocks, self.inertia)
+        launch_lanes(getattr(self._kernels, name), body.layout, *own, *inputs, device=body.device)
 
     def start_blocks(self, blocks: wp.array) -> None:
         """blocks = M/tau^2."""

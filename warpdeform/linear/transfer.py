@@ -1,6 +1,7 @@
 """From a grid to the next coarser one and back: linear interpolation between equally spaced nodes (design 7.1)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,13 @@ class LinearMap:
 
     def of_rows(self, low: int, high: int) -> Any:
         """The struct for a kernel that writes the target rows `low` to `high` - 1; the halo does not count."""
+        return self._whole if low == 0 else self._from(low)
+
+    @cached_property
+    def _whole(self) -> Any:
+        return self._from(0)
+
+    def _from(self, low: int) -> Any:
         tables = transfer_tables(self.row_weights.dtype)()
         tables.rows, tables.row_weights = self.rows[:, low:], self.row_weights[:, low:]
         tables.columns, tables.column_weights = self.columns, self.column_weights
