@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from warpdeform.usd.frames import FrameWriter
-from warpdeform.usd.topology import SurfaceMesh
+from warpdeform.usd.surface import SurfaceMesh
 
 FPS = 60.0
 NODES = (7, 5)

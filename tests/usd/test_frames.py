@@ -10,7 +10,7 @@ from warpdeform.obstacle import Obstacle
 from warpdeform.track import Track
 from warpdeform.usd.check import check_stage, schema_errors
 from warpdeform.usd.frames import FrameWriter
-from warpdeform.usd.topology import SurfaceMesh
+from warpdeform.usd.surface import SurfaceMesh
 
 FPS = 60.0
 SHEET = SurfaceMesh("sheet", (7, 5), color=(0.2, 0.3, 0.4), roughness=0.5, thickness=0.002)

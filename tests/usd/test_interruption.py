@@ -17,7 +17,7 @@ from warpdeform.errors import InputError, WarpdeformError
 from warpdeform.usd import chunks
 from warpdeform.usd.check import check_stage
 from warpdeform.usd.frames import FrameWriter
-from warpdeform.usd.topology import SurfaceMesh
+from warpdeform.usd.surface import SurfaceMesh
 
 FPS = 60.0
 SHEET = SurfaceMesh("sheet", (7, 5))
@@ -27,7 +27,7 @@ import numpy as np
 from warpdeform.obstacle import Obstacle
 from warpdeform.track import Track
 from warpdeform.usd.frames import FrameWriter
-from warpdeform.usd.topology import SurfaceMesh
+from warpdeform.usd.surface import SurfaceMesh
 
 u, v = np.meshgrid(np.linspace(0, 1, 40), np.linspace(0, 1, 40), indexing="ij")
 ball = Obstacle("sphere", {"radius": 0.1}, track=Track([0], [(0, 0, 1)], spin=(0, 0, 3)))

@@ -1,0 +1,46 @@
+"""Checks of curves: vertex counts and widths."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from pxr import Usd, UsdGeom
+
+from warpdeform.usd.check_points import PointsCheck
+
+
+class CurvesCheck(PointsCheck):
+    """The checks of one prim of curves."""
+
+    def constant(self) -> list[Usd.Attribute]:
+        return [self.prim.GetCurveVertexCountsAttr()]
+
+    def topology(self) -> bool:
+        counts = np.array(self.prim.GetCurveVertexCountsAttr().Get() or [], dtype=np.int64)
+        if self.prim.GetTypeAttr().Get() == UsdGeom.Tokens.linear:
+            least = 3 if self.prim.GetWrapAttr().Get() == UsdGeom.Tokens.periodic else 2
+        else:
+            least = 4  # control points of one cubic segment, or those that a closed one shares with itself
+        sound = len(counts) > 0 and counts.min() >= least and counts.sum() == self.size
+        return self.expect(sound, "the curves do not fit the points")
+
+    def margin(self, time: Usd.TimeCode) -> float:
+        widths = self.prim.GetWidthsAttr().Get(time)
+        return 0.5 * float(np.max(widths)) if widths else 0.0
+
+    def sample(self, points: NDArray[np.float64], time: Usd.TimeCode, where: str) -> None:
+        if not self.prim.GetWidthsAttr().HasAuthoredValue():
+            return
+        curves = self.prim
+        widths = np.array(curves.GetWidthsAttr().Get(time) or [], dtype=np.float64)
+        interpolation = curves.GetWidthsInterpolation()
+        sizes = {
+            UsdGeom.Tokens.uniform: curves.ComputeUniformDataSize,
+            UsdGeom.Tokens.varying: curves.ComputeVaryingDataSize,
+            UsdGeom.Tokens.vertex: curves.ComputeVertexDataSize,
+        }
+        right = sizes[interpolation](time) if interpolation in sizes else 1
+        detail = ", ".join(filter(None, (f"{len(widths)} and not {right}", where)))
+        if self.expect(len(widths) == right, f"there are not as many widths as are {interpolation}", detail):
+            good = np.isfinite(widths).all() and (widths > 0.0).all()
+            self.expect(good, "widths are not finite and above 0", where)
