@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from warpdeform.errors import InputError
 from warpdeform.usd.geometry import creased_normals, extent, vertex_normals
 from warpdeform.usd.surface import SurfaceMesh
-from warpdeform.usd.topology import cell_counts, quad_indices, texture_coordinates
+from warpdeform.usd.topology import quad_indices, texture_coordinates
 
 
 def torus(nodes: tuple[int, int], radius: float = 1.0, tube: float = 0.3) -> tuple[NDArray, NDArray]:
