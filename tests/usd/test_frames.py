@@ -80,19 +80,6 @@ def test_prims_of_the_surface(tmp_path: Path, written: Written) -> None:
     np.testing.assert_allclose(shader.GetInput("diffuseColor").Get(), SHEET.color)
 
 
-def test_closed_surfaces_are_single_sided_and_enclose_a_positive_volume(tmp_path: Path) -> None:
-    u, v = np.meshgrid(2 * np.pi * np.arange(8) / 8, 2 * np.pi * np.arange(6) / 6, indexing="ij")
-    ring = 1 + 0.3 * np.cos(v)
-    points = np.stack([ring * np.cos(u), ring * np.sin(u), 0.3 * np.sin(v)], axis=-1)
-    path = tmp_path / "ring.usda"
-    with FrameWriter(path, bodies=[SurfaceMesh("sheet", (8, 6), (True, True))], fps=24) as writer:
-        writer.write(0.0, {"sheet": points}, {"sheet": 0 * points})
-    assert check_stage(path) == []
-    stage = Usd.Stage.Open(str(path))
-    assert sheet_of(stage).GetDoubleSidedAttr().Get() is False
-    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (1, 1)
-
-
 def test_obstacles_are_native_prims_with_their_poses(tmp_path: Path, written: Written) -> None:
     stage = Usd.Stage.Open(str(written(tmp_path / "wave.usdc", obstacles=OBSTACLES)))
     prims = [stage.GetPrimAtPath(f"/World/{obstacle.name}") for obstacle in OBSTACLES]

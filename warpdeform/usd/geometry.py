@@ -15,8 +15,8 @@ def vertex_normals(
 
     The area vector of a quad is half the cross product of its diagonals, whatever its shape. Where the area vectors
     cancel (a sheet folded flat at the node) the normal is that of one of the quads, so it is always a unit vector.
-    A cap counts as the triangles between its ring and the ring's centre: round about a pole the normals lean as far
-    as the ring is wide, however the cap itself is cut.
+    A cap counts as the triangles between its ring and the ring's centre, enlarged to the size of the quads on the
+    ring's other side: on a ball whose rings stand half a step from the poles the normals then point outwards.
 
     Args:
         points: Node positions, shape (nu, nv, 3).
@@ -42,8 +42,9 @@ def vertex_normals(
     for end, capped in enumerate(caps):
         if capped:
             arms = r[:, -end] - points[-end].mean(axis=0, dtype=np.float32)[:, None]
-            fan = np.cross(arms[:, :-1], arms[:, 1:], axis=0)
-            areas[:, -end, 1:] = -fan if end else fan
+            fan = np.cross(arms[:, :-1], arms[:, 1:], axis=0) * (-1.0 if end else 1.0)
+            beside, own = _length(inner[:, -end]).sum(), _length(fan).sum()
+            areas[:, -end, 1:] = fan * (beside / own if own > 0.0 else 0.0)
     if periodic[0]:
         areas[:, 0, :] = areas[:, -1, :]
     if periodic[1]:
@@ -136,7 +137,7 @@ def extent(points: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _length(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
     """Lengths of component vectors (3, ...)."""
-    return np.asarray(np.sqrt(np.einsum("kij,kij->ij", vectors, vectors)), dtype=np.float32)
+    return np.asarray(np.sqrt(np.einsum("k...,k...->...", vectors, vectors)), dtype=np.float32)
 
 
 def _fill_cancelled(
