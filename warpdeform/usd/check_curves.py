@@ -25,14 +25,14 @@ class CurvesCheck(PointsCheck):
         return self.expect(sound, "the curves do not fit the points")
 
     def margin(self, time: Usd.TimeCode) -> float:
-        widths = self.prim.GetWidthsAttr().Get(time)
-        return 0.5 * float(np.max(widths)) if widths else 0.0
+        widths = self._widths(time)
+        return 0.5 * float(widths.max(initial=0.0, where=np.isfinite(widths)))
 
     def sample(self, points: NDArray[np.float64], time: Usd.TimeCode, where: str) -> None:
         if not self.prim.GetWidthsAttr().HasAuthoredValue():
             return
         curves = self.prim
-        widths = np.array(curves.GetWidthsAttr().Get(time) or [], dtype=np.float64)
+        widths = self._widths(time)
         interpolation = curves.GetWidthsInterpolation()
         sizes = {
             UsdGeom.Tokens.uniform: curves.ComputeUniformDataSize,
@@ -44,3 +44,6 @@ class CurvesCheck(PointsCheck):
         if self.expect(len(widths) == right, f"there are not as many widths as are {interpolation}", detail):
             good = np.isfinite(widths).all() and (widths > 0.0).all()
             self.expect(good, "widths are not finite and above 0", where)
+
+    def _widths(self, time: Usd.TimeCode) -> NDArray[np.float64]:
+        return np.array(self.prim.GetWidthsAttr().Get(time) or [], dtype=np.float64)
