@@ -274,6 +274,7 @@ def test_files_that_cannot_be_opened(tmp_path: Path) -> None:
 
 
 def test_pxr_is_imported_only_when_it_is_needed() -> None:
-    code = "import sys, warpdeform.usd; from warpdeform.usd import check_output, CurveSet, SolidBlock, SurfaceMesh; print('pxr' in sys.modules)"
+    names = "check_output, CurveSet, SolidBlock, SurfaceMesh"
+    code = f"import sys, warpdeform.usd; from warpdeform.usd import {names}; print('pxr' in sys.modules)"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "False"

@@ -17,10 +17,7 @@ class CurvesCheck(PointsCheck):
 
     def topology(self) -> bool:
         counts = np.array(self.prim.GetCurveVertexCountsAttr().Get() or [], dtype=np.int64)
-        if self.prim.GetTypeAttr().Get() == UsdGeom.Tokens.linear:
-            least = 3 if self.prim.GetWrapAttr().Get() == UsdGeom.Tokens.periodic else 2
-        else:
-            least = 4  # control points of one cubic segment, or those that a closed one shares with itself
+        least = 3 if self.prim.GetWrapAttr().Get() == UsdGeom.Tokens.periodic else 2
         sound = len(counts) > 0 and counts.min() >= least and counts.sum() == self.size
         return self.expect(sound, "the curves do not fit the points")
 

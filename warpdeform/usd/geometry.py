@@ -42,7 +42,7 @@ def vertex_normals(
     for end, capped in enumerate(caps):
         if capped:
             arms = r[:, -end] - points[-end].mean(axis=0, dtype=np.float32)[:, None]
-            fan = np.cross(arms[:, :-1], arms[:, 1:], axis=0) * (-1.0 if end else 1.0)
+            fan = np.cross(arms[:, :-1], arms[:, 1:], axis=0) * np.float32(-1.0 if end else 1.0)
             beside, own = _length(inner[:, -end]).sum(), _length(fan).sum()
             areas[:, -end, 1:] = fan * (beside / own if own > 0.0 else 0.0)
     if periodic[0]:
