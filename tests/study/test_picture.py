@@ -216,6 +216,19 @@ def test_tubes_are_closed_face_outwards_and_do_not_wind(closed):
     assert (counts == 2).all()
 
 
+def test_closed_tubes_join_without_a_twist():
+    """Frames that are carried around this coil come back turned by 25 degrees."""
+    angle = np.linspace(0.0, 2 * np.pi, 200, endpoint=False)
+    reach = 2 + 0.6 * np.cos(5 * angle)
+    coil = np.stack([reach * np.cos(angle), reach * np.sin(angle), 0.6 * np.sin(5 * angle)], axis=-1)
+    points, triangles, _, owners = tubes(coil[None], np.full((1, 200), 0.3), 48, closed=True)
+    a, b = points[triangles], points[np.roll(triangles, -1, axis=1)]
+    lengths = np.linalg.norm(b - a, axis=2)
+    seam = (owners[triangles] == 0).any(axis=1) & (owners[triangles] == 199).any(axis=1)
+    assert seam.sum() == 2 * 48
+    assert lengths[seam].max() < 1.1 * lengths[~seam].max()
+
+
 def test_tubes_survive_nodes_that_coincide_or_turn_back():
     paths = np.array([[[0, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 0.5], [0, 0, 0.5]]], dtype=float)
     points, _, normals, _ = tubes(paths, np.full((1, 5), 0.1), 6, closed=False)
@@ -349,6 +362,20 @@ def test_matplotlib_draws_strands_and_solids_that_the_engine_writes(tmp_path):
         image = pixels(tmp_path / "both.png")
         assert bluish(image).mean() > 0.04
         assert reddish(image).mean() > 0.05 if seen else not reddish(image).any()
+
+
+def test_matplotlib_shows_the_near_side_of_solids(tmp_path):
+    """A red rope in a blue block is not seen."""
+    pytest.importorskip("matplotlib")
+    path = tmp_path / "inside.usdc"
+    with FrameWriter(path, fps=60, bodies=[CurveSet("rope", (2, 1), 0.05, color=RED),
+                                           SolidBlock("block", (3, 3, 3), color=BLUE)]) as writer:  # fmt: skip
+        rope, block = np.array([[[0.0, 0.0, 0.1]], [[0.0, 0.0, 0.2]]]), shearing_block(0.0, (3, 3, 3))[0]
+        writer.write(0.0, {"rope": rope, "block": block}, {"rope": 0 * rope, "block": 0 * block})
+    render_still(path, tmp_path / "inside.png", size=(96, 54), engine="matplotlib")
+    image = pixels(tmp_path / "inside.png")
+    assert bluish(image).mean() > 0.1
+    assert not reddish(image).any()
 
 
 def test_matplotlib_draws_a_strip(result, tmp_path):
