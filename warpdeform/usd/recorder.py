@@ -5,11 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from warpdeform.usd.description import BodyDescription
 from warpdeform.usd.frames import FrameWriter
-from warpdeform.usd.topology import SurfaceMesh
+from warpdeform.usd.surface import SurfaceMesh
 
 if TYPE_CHECKING:
+    from warpdeform.body import Body
     from warpdeform.simulation import Simulation
+
+
+def describe(body: Body) -> BodyDescription:
+    """How a body of a simulation appears in a file."""
+    thickness = body.material.thickness or 0.0
+    surface = SurfaceMesh(body.name, body.nodes, thickness=thickness, color=body.color, roughness=body.roughness)
+    return surface.outward(body.shape.positions)
 
 
 class Recorder(FrameWriter):
@@ -26,19 +35,9 @@ class Recorder(FrameWriter):
 
     def __init__(self, simulation: Simulation, path: str | Path, **options: Any) -> None:
         self.simulation = simulation
-        bodies = [handle.body for handle in simulation.bodies]
-        meshes = [
-            SurfaceMesh(
-                body.name,
-                body.nodes,
-                color=body.color,
-                roughness=body.roughness,
-                thickness=body.material.thickness or 0.0,
-            )
-            for body in bodies
-        ]
+        bodies = [describe(handle.body) for handle in simulation.bodies]
         fps = simulation.settings.fps
-        super().__init__(path, bodies=meshes, obstacles=simulation.obstacles, fps=fps, **options)
+        super().__init__(path, bodies=bodies, obstacles=simulation.obstacles, fps=fps, **options)
 
     def write_frame(self) -> None:
         """Write the present state as the next frame.
