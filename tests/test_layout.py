@@ -23,6 +23,7 @@ FLOORS = (
     {"kernels"},
     {
         "grid",
+        "halo",
         "material",
         "model",
         "shape",
