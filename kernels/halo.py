@@ -19,7 +19,7 @@ from warpdeform.kernels.lanes import kernel_module, lanes
 def halo(real: Any) -> SimpleNamespace:
     """Kernels ``wrap`` and ``clear`` for one precision, one thread per place, whatever the lane width.
 
-    `places` holds row and column of a place of the halo, then of the node that it repeats, shape (n, 4).
+    `places` holds row and column of a place, and for ``wrap`` those of the node that it repeats, shape (n, 2 or 4).
     """
     words = lanes(1, real)
     load1, store1 = words.load1, words.store1

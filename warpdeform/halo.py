@@ -27,25 +27,23 @@ class Halo:
 
     def __init__(self, layout: Layout, real: Any, device: Any) -> None:
         places = halo_places(layout)
-        rows, columns = places[:, 0], places[:, 1] - layout.halo
-        lanes = layout.groups * layout.lane_width
-        launched = (rows >= 1) & (rows <= layout.rows - 2) & (columns >= 0) & (columns < lanes)
+        empty = lanes_of_no_node(layout)
         self._device = device
-        self._tables: list[wp.array] = [
-            wp.array(np.ascontiguousarray(chosen), dtype=wp.int32, device=device)
-            for chosen in (places, places[launched])
-        ]
+        self._shared = bool(empty[places[:, 0], places[:, 1]].any())
+        rest = np.argwhere(empty & self._shared)
+        self._repeated: wp.array = wp.array(places, dtype=wp.int32, device=device)
+        self._rest: wp.array = wp.array(rest, dtype=wp.int32, device=device)
         self._kernels = halo(real) if len(places) else None
 
     def refresh(self, *arrays: wp.array) -> None:
         """Write the halo of component arrays, shape (n, rows, columns)."""
         for array in arrays:
-            self._launch("wrap", 0, array)
+            self._launch("wrap", self._repeated, array)
 
     def clear(self, *arrays: wp.array) -> None:
-        """Zero what kernels over lanes have written into the halo."""
+        """Zero what kernels over lanes have gathered from the halo where no node is."""
         for array in arrays:
-            self._launch("clear", 1, array)
+            self._launch("clear", self._rest, array)
 
     def surrounded(self, array: wp.array) -> wp.array:
         """Constants with their halo, for kernels that read those of neighbours.
@@ -55,16 +53,15 @@ class Halo:
         """
         if self._kernels is None:
             return array
-        array = wp.clone(array) if self._tables[1].shape[0] else array
+        array = wp.clone(array) if self._shared else array
         self.refresh(array)
         return array
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
-        return sum(int(table.capacity) for table in self._tables)
+        return int(self._repeated.capacity) + int(self._rest.capacity)
 
-    def _launch(self, name: str, which: int, array: wp.array) -> None:
-        table = self._tables[which]
+    def _launch(self, name: str, table: wp.array, array: wp.array) -> None:
         if table.shape[0]:
             wp.launch(getattr(self._kernels, name), dim=table.shape[0], inputs=[table, array], device=self._device)
 
@@ -81,3 +78,11 @@ def halo_places(layout: Layout) -> NDArray[np.int64]:
     index, repeated = index[beside], repeated[beside]
     rows = layout.first_row + layout.stride * index[:, 0] + (index[:, 1] if len(axes) == 3 else 0)
     return np.concatenate([np.stack([rows, index[:, -1] + layout.halo], axis=1), layout.places(repeated)], axis=1)
+
+
+def lanes_of_no_node(layout: Layout) -> NDArray[np.bool_]:
+    """Whether kernels over lanes write a place that no node has, shape (rows, columns)."""
+    empty = np.zeros((layout.rows, layout.columns), dtype=bool)
+    empty[1:-1, layout.halo : layout.halo + layout.groups * layout.lane_width] = True
+    empty[layout.node_rows.reshape(-1), layout.halo : layout.halo + layout.nodes[-1]] = False
+    return empty

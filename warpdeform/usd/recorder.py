@@ -30,7 +30,8 @@ class Recorder(FrameWriter):
         meshes = [
             SurfaceMesh(
                 body.name,
-                body.nodes,
+                (body.nodes[0], body.nodes[1]),
+                periodic=(body.shape.periodic[0], body.shape.periodic[1]),
                 color=body.color,
                 roughness=body.roughness,
                 thickness=body.material.thickness or 0.0,
