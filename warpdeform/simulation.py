@@ -161,7 +161,7 @@ class Simulation:
         bodies = []
         for handle in self.bodies:
             terms = [TermInfo(term.name, term.kernels, term.bytes()) for term in handle.terms]
-            bodies.append(BodyInfo(handle.name, handle.nodes, tuple(terms), handle.state.bytes()))
+            bodies.append(BodyInfo(handle.name, handle.body.kind, handle.nodes, tuple(terms), handle.state.bytes()))
         solver = self._solver.operator.bytes() + self._solver.preconditioner.bytes()
         return SimulationInfo(tuple(bodies), self._solver.preconditioner.name, solver)
 

@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 from numpy.typing import NDArray
 
-from warpdeform.forces.wind_load import difference_weights
+from warpdeform.forces.surface_coefficients import difference_weights
 from warpdeform.grid import Layout
 from warpdeform.kernels import loads
 
@@ -90,11 +90,8 @@ def energies(inp: Inputs, width: int, kernel: Any, arguments: list[Any], by: str
 
 
 def slopes(inp: Inputs, width: int) -> tuple[wp.array, wp.array]:
-    layout = Layout(inp.nodes, width)
-    rows = np.pad(difference_weights(inp.nodes[0]), ((0, 0), (1, 1)))[:, :, None]
-    columns = np.zeros((2, 1, layout.columns))
-    columns[:, 0, width : width + inp.nodes[1]] = difference_weights(inp.nodes[1])
-    return small(rows, inp), small(columns, inp)
+    slopes_u, slopes_v = difference_weights(Layout(inp.nodes, width))
+    return small(slopes_u, inp), small(slopes_v, inp)
 
 
 def normals(r: Field) -> Field:

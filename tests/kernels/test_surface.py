@@ -22,8 +22,8 @@ from surfaces import (
     noise,
 )
 
-from warpdeform.forces.surface_elasticity import difference_weights
-from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.forces.surface_coefficients import difference_weights
+from warpdeform.grid import Layout
 from warpdeform.kernels.surface import (
     FLEXURE_COMPONENTS,
     SCATTER_COMPONENTS,
@@ -80,7 +80,7 @@ def problem(nodes: tuple[int, int], orthogonal: bool, bending: str) -> SimpleNam
         exists = existing(nodes)
         C = 0.01 * definite(*cells, 4, 3) * exists[..., :, None] * exists[..., None, :]
     energy = DiscreteEnergy(rest, membrane, KB, K12, C)
-    KB, K12 = KB + node_weights(C), K12 + C[..., 2, 2].sum(axis=-1)
+    KB, K12 = KB + node_weights(C, nodes), K12 + C[..., 2, 2].sum(axis=-1)
     b, b12 = bending_numbers(rest)
 
     return SimpleNamespace(
@@ -123,7 +123,7 @@ def run(nodes: tuple[int, int], orthogonal: bool, bending: str, real: Any, width
     names = ("z", "p", "K", "q0", "KB", "K12", "KC")
     z, p, K, q0, KB, K12, KC = (upload(layout.pack(getattr(given, name))) for name in names)
     b0 = upload(np.concatenate([layout.pack(given.b0), layout.pack(given.b120)]))
-    alphas = [upload(alpha) for alpha in difference_weights(ParameterGrid(nodes, (1.0, 1.0)), layout)]
+    alphas = [upload(alpha) for alpha in difference_weights(layout)]
     floor = real(1e-20)
     launch("measure_membrane", z, poisoned("q", 5))
     tension, twist = poisoned("tension", TENSION_COMPONENTS), added("twist", TWIST_COMPONENTS)

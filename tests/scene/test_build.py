@@ -141,7 +141,8 @@ def test_a_shape_comes_from_a_file_beside_the_scene(tmp_path: Path) -> None:
 def test_the_schema_follows_the_registries() -> None:
     schema = json_schema()
     tables = schema["$defs"]
-    assert {name.removesuffix("Shape").lower() for name in tables if name.endswith("Shape")} == set(SHAPES)
+    shapes = {name.removesuffix("Shape").lower() for name in tables if name.endswith("Shape")}
+    assert shapes == {kind.replace("-", "") for kind in SHAPES}
     obstacles = {name.removesuffix("Obstacle").lower(): name for name in tables if name.endswith("Obstacle")}
     assert set(obstacles) == set(SIZES)
     for kind, sizes in SIZES.items():

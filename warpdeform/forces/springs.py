@@ -6,11 +6,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpdeform.body import Spring, rotate, select_nodes
+from warpdeform.body import Spring, rotate
 from warpdeform.forces.force import BodyArrays, Force
 from warpdeform.forces.parameters import Parameters
 from warpdeform.kernels.loads import springs
 from warpdeform.launching import launch_alone
+from warpdeform.selectors import select_nodes
 
 
 class Springs(Force):
@@ -27,15 +28,22 @@ class Springs(Force):
     name = "springs"
     energy_kind = "field"
 
-    def __init__(self, body: BodyArrays, specs: Sequence[Spring], initial_positions: NDArray[np.float64]) -> None:
+    def __init__(
+        self,
+        body: BodyArrays,
+        specs: Sequence[Spring],
+        initial_positions: NDArray[np.float64],
+        kind: str = "surface",
+    ) -> None:
         """Make the term.
 
         Args:
             body: The body's arrays.
             specs: The springs.
-            initial_positions: Where the body starts [m], shape (nu, nv, 3): the points of springs that name none.
+            initial_positions: Where the body starts [m], shape (*nodes, 3): the points of springs that name none.
+            kind: "curve", "surface" or "solid": how the nodes are selected.
         """
-        selected = [select_nodes(spec.nodes, body.layout.nodes) for spec in specs]
+        selected = [select_nodes(spec.nodes, body.layout.nodes, kind) for spec in specs]
         nodes, owners = np.unique(np.concatenate(selected), axis=0, return_inverse=True)
         self._specs = tuple(specs)
         self._rows = np.split(owners.reshape(-1), np.cumsum([len(pairs) for pairs in selected])[:-1])

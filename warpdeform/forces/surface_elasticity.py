@@ -7,8 +7,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpdeform.forces.force import BodyArrays, Coarsening, CoarseTerm, Force, GridArrays
-from warpdeform.forces.surface_coefficients import SurfaceStiffness, surface_stiffness
+from warpdeform.forces.surface_coefficients import SurfaceStiffness, difference_weights, surface_stiffness
 from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.halo import Halo
 from warpdeform.kernels import surface as kernels
 from warpdeform.kernels.surface_blocks import surface_blocks
 from warpdeform.kernels.surface_coupling import CHANGE_COMPONENTS, COUPLING_KERNELS, surface_coupling
@@ -79,10 +80,16 @@ class SurfaceElasticity(Force):
         self.gathering = self._words.gathering
         gathered = {"flux": self.flux, "flexure": self.flexure, "scatter": self.scatter}
         self.fluxes = RowStruct(self._words.gathering.Fluxes, gathered)
-        alpha_u, alpha_v = difference_weights(grid, layout)
+        alpha_u, alpha_v = difference_weights(layout)
         self.alpha_u: wp.array = wp.array(alpha_u, dtype=real, device=device)
         self.alpha_v: wp.array = wp.array(alpha_v, dtype=real, device=device)
         self._cell_floor, self._node_floor = real(self.stiffness.cell_floor), real(self.stiffness.node_floor)
+        # The same coefficients for kernels that read those of their neighbours.
+        self._halo = Halo(layout, real, device)
+        self._K = self._halo.surrounded(self.K)
+        self._K12 = self._halo.surrounded(self.K12) if self.bending else self.K12
+        self._KB = self._halo.surrounded(self.KB) if self.bending else self.KB
+        self._KC = self._halo.surrounded(self.KC) if self.coupled else self.KC
         self.measure(upload(rest), self.q0, self.b0)
 
     @property
@@ -98,8 +105,10 @@ class SurfaceElasticity(Force):
 
     def bytes(self) -> int:
         """Device memory that the term keeps [bytes]."""
-        arrays = (self.K, self.q0, self.tension, self.flux, self.K12, self.KB, self.b0, self.twist, self.flexure)
-        return sum(a.capacity for a in (*arrays, self.scatter, self.KC, self.change, self.alpha_u, self.alpha_v))
+        arrays = [self.q0, self.tension, self.flux, self.b0, self.twist, self.flexure, self.scatter, self.change]
+        arrays += [self.K, self.K12, self.KB, self.KC, self._K, self._K12, self._KB, self._KC]
+        arrays += [self.alpha_u, self.alpha_v]
+        return sum({a.ptr: a.capacity for a in arrays}.values()) + self._halo.bytes()
 
     def _launch(self, kernel: Any, *arguments: Any) -> None:
         launch_lanes(kernel, self._layout, *arguments, device=self._device)
@@ -120,6 +129,7 @@ class SurfaceElasticity(Force):
 
     def measure(self, position: wp.array, q_out: wp.array, b_out: wp.array) -> None:
         """Strain numbers q, shape (5, rows, columns), and curvature numbers b, shape (3, rows, columns), of a shape."""
+        self._halo.refresh(position)
         self._launch(self._words.measure_membrane, position, q_out)
         if self.bending:
             self._launch(self._words.measure_bending, position, self.alpha_u, self.alpha_v, self._node_floor, b_out)
@@ -127,6 +137,7 @@ class SurfaceElasticity(Force):
     def linearise(self, body: GridArrays, position: wp.array) -> None:
         """Stresses, moments and the coefficients of the Hessian at `position`."""
         k = self._words
+        self._halo.refresh(position)
         self._launch(
             k.stress_cells, position, self.K, self.q0, self.K12, self.b0, self._cell_floor,
             self.tension, self.twist, self.flux,
@@ -139,7 +150,16 @@ class SurfaceElasticity(Force):
         if self.coupled:
             self._measure_change(position)
             self._couple()
+        if self.bending:
+            self._halo.refresh(self.flexure)
+        self._refresh_stresses()
         self._position = position
+
+    def _refresh_stresses(self) -> None:
+        """What the forces are gathered from."""
+        self._halo.refresh(self.flux)
+        if self.bending:
+            self._halo.refresh(self.scatter)
 
     def _measure_change(self, position: wp.array) -> None:
         """Changes of b since rest."""
@@ -150,13 +170,15 @@ class SurfaceElasticity(Force):
 
     def _couple(self) -> None:
         """Moments of the changes of b: on top of the cells' flux, in place of the nodes' scatter."""
+        self._halo.refresh(self.change)
         self._launch(
-            self._coupling.couple, self.KB, self.KC, self.alpha_u, self.alpha_v, self.flexure, self.twist, self.change,
+            self._coupling.couple, self.KB, self._KC, self.alpha_u, self.alpha_v, self.flexure, self.twist, self.change,
             self.flux, self.scatter,
         )  # fmt: skip
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
         """Add the elastic energy [J]."""
+        self._halo.refresh(position)
         self._launch(self._words.energy_cells, position, self.K, self.q0, self.K12, self.b0, self._cell_floor, partials)
         if self.bending:
             self._launch(
@@ -165,15 +187,18 @@ class SurfaceElasticity(Force):
             )  # fmt: skip
         if self.coupled:
             self._measure_change(position)
+            self._halo.refresh(self.change)
             self._launch(self._coupling.energy_coupling, self.KC, self.change, partials)
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the exact derivative of the energy; uses the stresses of `linearise` (before any Hessian product)."""
         self._launch(self._words.gather, self.fluxes, gradient)
+        self._halo.clear(gradient)
 
     def write_fluxes(self, body: GridArrays, direction: wp.array) -> None:
         """Write flux and scatter of the projected Hessian times `direction`."""
         k = self._words
+        self._halo.refresh(direction)
         self._launch(k.product_cells, self._position, self.K, self.tension, self.K12, self.twist, direction, self.flux)
         if self.coupled:
             c = self._coupling
@@ -181,40 +206,24 @@ class SurfaceElasticity(Force):
             self._couple()
         elif self.bending:
             self._launch(k.product_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, direction, self.scatter)
+        self._refresh_stresses()
 
     def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
-        """Add the projected Hessian times `direction`."""
+        """Add the projected Hessian times `direction`; what the halo gets of it is for the mask of pins to clear."""
         self.write_fluxes(body, direction)
         self._launch(self._words.gather, self.fluxes, product)
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian."""
         k = surface_blocks(self._lane_width, self._real, self.stiffness.orthogonal, self.bending)
-        self._launch(k.block_cells, self._position, self.K, self.tension, self.K12, self.twist, blocks)
+        self._halo.refresh(self._position, self.tension)
         if self.bending:
-            self._launch(k.block_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, blocks)
+            self._halo.refresh(self.twist)
+        self._launch(k.block_cells, self._position, self._K, self.tension, self._K12, self.twist, blocks)
+        if self.bending:
+            self._launch(k.block_nodes, self._KB, self.alpha_u, self.alpha_v, self.flexure, blocks)
         if self.coupled:
             self._launch(
-                self._coupling.block_coupling, self.KC, self.alpha_u, self.alpha_v, self.flexure, self.twist, blocks
+                self._coupling.block_coupling, self._KC, self.alpha_u, self.alpha_v, self.flexure, self.twist, blocks
             )
-
-
-def difference_weights(grid: ParameterGrid, layout: Layout) -> tuple[Array, Array]:
-    """Weights of the forward and backward differences in the tangents r_u and r_v at the nodes.
-
-    Half and half inside, all on the one difference that exists at a border.
-
-    Returns:
-        Weights along u, shape (2, rows, 1), and along v, shape (2, 1, columns).
-    """
-
-    def axis(count: int, periodic: bool) -> Array:
-        forward, backward = np.full(count, 0.5), np.full(count, 0.5)
-        if not periodic:
-            forward[0], backward[0], forward[-1], backward[-1] = 1.0, 0.0, 0.0, 1.0
-        return np.stack([forward, backward])
-
-    alpha_u, alpha_v = np.zeros((2, layout.rows, 1)), np.zeros((2, 1, layout.columns))
-    alpha_u[:, 1:-1, 0] = axis(grid.nodes[0], grid.periodic[0])
-    alpha_v[:, 0, layout.halo : layout.halo + grid.nodes[1]] = axis(grid.nodes[1], grid.periodic[1])
-    return alpha_u, alpha_v
+        self._halo.clear(blocks)

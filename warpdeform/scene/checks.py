@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpdeform.body import select_nodes
 from warpdeform.scene.measure import asymmetry, depth, samples
+from warpdeform.selectors import select_nodes
 
 if TYPE_CHECKING:
     from warpdeform.simulation import Simulation
@@ -49,7 +49,7 @@ class History:
 
     Attributes:
         times: Time of each frame [s].
-        positions: Node positions at each frame [m], by body, each of shape (nu, nv, 3).
+        positions: Node positions at each frame [m], by body, each of shape (*nodes, 3).
         energies: Kinetic, elastic, gravitational and field energy together [J].
         work: Work of pins, wind, drag and friction since the start [J].
     """
@@ -83,8 +83,8 @@ def _pins_still(history: History, simulation: Simulation) -> Claim:
         frames = np.array(history.positions[handle.name])
         for pin in handle.body.pins:
             if pin.track is None:
-                nodes = select_nodes(pin.nodes, handle.nodes)
-                held = frames[:, nodes[:, 0], nodes[:, 1]]
+                nodes = select_nodes(pin.nodes, handle.nodes, handle.body.kind)
+                held = frames[:, *nodes.T]
                 moved = max(moved, float(np.abs(held - held[0]).max()))
     return Claim("pinned nodes move [m]", moved, 0.0, 0.0)
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 else:
     MaterialTable, ShapeTable, AnyObstacleTable = material_table(), shape_table(), obstacle_table()
 
-_SELECTOR = 'a selector such as "corner:0,1", "edge:u,0" or "all", or index pairs [[i, j], ...]'
+_SELECTOR = 'a selector such as "corner:0,1", "edge:u,0" or "all", or indices such as [[i, j], ...]'
 
 
 class SceneTable(Table):
@@ -86,13 +86,46 @@ class SpringTable(Table):
     path: HeldPathTable | None = key(None, "How that point moves; left out: it stays where it is", words="a table")
 
 
+class StrandsTable(Table):
+    """Copies of a curve as one body: a fringe, hair over a rectangle, or roots wherever they are."""
+
+    count: list[int] | None = key(
+        None,
+        "Copies in a row along y, or over a rectangle in the xy plane, along x and y",
+        example=[20, 10],
+        words="one or two whole numbers",
+    )
+    size: list[float] | None = key(
+        None, "Length of that row, or of the rectangle's sides", unit="m", example=[0.2, 0.1], words="1 or 2 numbers"
+    )
+    roots: list[Vector] | str | None = key(
+        None,
+        "Where the curve's origin lies in each copy; or a .npy file, seen from the scene file",
+        unit="m",
+        example=[[0, 0, 0], [0, 0.1, 0]],
+        words="a list of [x, y, z], or a file",
+    )
+    normals: list[Vector] | None = key(
+        None,
+        "Directions that the curve's x axis is turned to: one, or one for each root; left out: it stays",
+        example=[[0, 0, 1]],
+        words="a list of [x, y, z]",
+    )
+
+
 class BodyTable(Table):
-    """[[body]]: a deformable surface, where it starts and what holds it."""
+    """[[body]]: a deformable curve, surface or solid, where it starts and what holds it."""
 
     name: str = key("", "Name in the output; left out: body0, body1, ...", example="sheet")
-    kind: str = key("surface", "Kind of body", example="surface")
-    nodes: Annotated[list[int], Len(2, 2)] = key(..., "Nodes along u and v", example=[64, 64])
+    kind: str = key("", "Kind of body: curve, surface or solid; left out: what its shape is", example="surface")
+    nodes: Annotated[list[int], Len(1, 3)] = key(
+        ...,
+        "Nodes along u, of surfaces along u and v, of solids along u, v and w",
+        example=[64, 64],
+        words="1 to 3 whole numbers",
+    )
     shape: ShapeTable = key(..., "Rest shape", example={"kind": "sheet"}, words="a table")
+    strands: StrandsTable | None = key(None, "Copies of a curve; left out: one", words="a table")
     material: MaterialTable = key(..., "Preset, or numbers", example="cotton", words="a preset or a table of numbers")
     position: Vector = key([0.0, 0.0, 0.0], "Where the rest shape's origin starts", unit="m", example=[0.0, 0.0, 1.0])
     rotation: Vector = key([0.0, 0.0, 0.0], ROTATION, unit="degrees", example=[90.0, 0.0, 0.0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,9 +17,22 @@ if TYPE_CHECKING:
 
 def describe(body: Body) -> BodyDescription:
     """How a body of a simulation appears in a file."""
-    thickness = body.material.thickness or 0.0
-    surface = SurfaceMesh(body.name, body.nodes, thickness=thickness, color=body.color, roughness=body.roughness)
-    return surface.outward(body.shape.positions)
+    return _KINDS[body.kind](body).outward(body.shape.positions)
+
+
+def _surface(body: Body) -> BodyDescription:
+    shape = body.shape
+    return SurfaceMesh(
+        body.name,
+        (body.nodes[0], body.nodes[1]),
+        periodic=(shape.periodic[0], shape.periodic[1]),
+        thickness=body.material.thickness or 0.0,
+        color=body.color,
+        roughness=body.roughness,
+    )
+
+
+_KINDS: dict[str, Callable[[Body], BodyDescription]] = {"surface": _surface}
 
 
 class Recorder(FrameWriter):
