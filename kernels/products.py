@@ -7,7 +7,8 @@ around it, so that the product itself need not go through memory. S is M / tau^2
     smooth    r = r - A d;  d = keep d + rate D^-1 r;  z = z + d    a step of the smoother (linear/smoother.py)
     retire    r = r - A d, and with blocks d = F' r, which goes to the coarse grid (F = D^-1 E, kernels/multigrid.py)
 
-A is masked: r does not change at pins.
+A is masked: r does not change at pins. The new d is not written over the old one, of which fluxes of other rows are
+still to be made.
 """
 
 import functools
@@ -85,6 +86,7 @@ def products(width: int, real: Any, gathering: Gathering, with_blocks: bool) -> 
         rates: wp.array3d(dtype=real),
         caution: wp.array(dtype=wp.int32),
         step: int,
+        d: wp.array3d(dtype=real),
         r_out: wp.array3d(dtype=real),
         d_out: wp.array3d(dtype=real),
         z_out: wp.array3d(dtype=real),
@@ -92,12 +94,12 @@ def products(width: int, real: Any, gathering: Gathering, with_blocks: bool) -> 
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
         f, which = load1(free, 0, i, j), caution[BOUNDED] + 2 * caution[LONG]
-        residual = load3(r_out, 0, i, j) - scale(f, product_at(fluxes, S, inertia, d_out, i, j))
-        d = scale(rates[which, step, RATE] * f, apply6(load6(inverse, 0, i, j), residual))
-        d = d + scale(splat(rates[which, step, KEEP]), load3(d_out, 0, i, j))
+        residual = load3(r_out, 0, i, j) - scale(f, product_at(fluxes, S, inertia, d, i, j))
+        change = scale(rates[which, step, RATE] * f, apply6(load6(inverse, 0, i, j), residual))
+        change = change + scale(splat(rates[which, step, KEEP]), load3(d, 0, i, j))
         store3(r_out, 0, i, j, residual)
-        store3(d_out, 0, i, j, d)
-        store3(z_out, 0, i, j, load3(z_out, 0, i, j) + d)
+        store3(d_out, 0, i, j, change)
+        store3(z_out, 0, i, j, load3(z_out, 0, i, j) + change)
 
     @wp.kernel(module=module)
     def retire(
@@ -107,12 +109,13 @@ def products(width: int, real: Any, gathering: Gathering, with_blocks: bool) -> 
         free: wp.array3d(dtype=real),
         elastic: wp.array3d(dtype=real),
         inverse: wp.array3d(dtype=real),
+        d: wp.array3d(dtype=real),
         r_out: wp.array3d(dtype=real),
         d_out: wp.array3d(dtype=real),
     ):
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        q = scale(load1(free, 0, i, j), product_at(fluxes, S, inertia, d_out, i, j))
+        q = scale(load1(free, 0, i, j), product_at(fluxes, S, inertia, d, i, j))
         r = load3(r_out, 0, i, j) - q
         store3(r_out, 0, i, j, r)
         if wp.static(with_blocks):

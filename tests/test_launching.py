@@ -9,9 +9,10 @@ import pytest
 import warp as wp
 
 import warpdeform as wd
-from warpdeform import launching
+from warpdeform import launching, team
 from warpdeform.grid import Layout
-from warpdeform.launching import PerRow, Team, Whole, choose_threads, do_alone, launch_lanes, launch_rows, repeat_while
+from warpdeform.launching import PerRow, Whole, do_alone, launch_lanes, launch_rows, repeat_while
+from warpdeform.team import Team, choose_threads
 
 Array = np.ndarray[Any, Any]
 CPU = wp.get_device("cpu")
@@ -120,7 +121,7 @@ def test_every_row_is_written_once_and_loops_are_left_together(layout: Layout, t
 def test_threads_are_chosen_by_size_unless_asked() -> None:
     assert choose_threads(3, 10, CPU) == 3
     assert choose_threads(0, 10, CPU) == 1
-    assert 1 <= choose_threads(0, 10**6, CPU) <= launching.MOST_THREADS
+    assert 1 <= choose_threads(0, 10**6, CPU) <= team.MOST_THREADS
 
 
 def test_steps_launch_by_nothing_else() -> None:
@@ -133,3 +134,21 @@ def test_steps_launch_by_nothing_else() -> None:
                 if direct.search(line) and "_flush" not in line and "decisions(), name" not in line:
                     found.append(f"{file.name}: {line.strip()}")
     assert not found
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_bands_do_not_change_a_bit(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    def swing() -> Array:
+        sheet = wd.Body("sheet", wd.sheet((90, 9)), wd.Material.preset("cotton"), pins=(wd.Pin("edge:u,0"),))
+        settings = wd.Settings(device="cpu", threads=threads, preconditioner="multigrid")
+        return trajectory(wd.Simulation([sheet], settings=settings), 4)
+
+    monkeypatch.setattr(launching, "BAND_BYTES", 10**9)
+    whole = swing()
+    entered = []
+    rows = launching._rows
+    monkeypatch.setattr(launching, "_rows", lambda band: (entered.append(band), rows(band))[1])
+    for band_bytes in (1, 12 * (9 + 4) * 3 * 16 * 4):
+        monkeypatch.setattr(launching, "BAND_BYTES", band_bytes)
+        np.testing.assert_array_equal(swing(), whole)
+    assert {band.high - band.low for band in entered} >= {8, 12}

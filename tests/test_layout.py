@@ -35,6 +35,7 @@ FLOORS = (
         "state",
         "device",
         "launching",
+        "team",
         "errors",
         "result",
         "settings",

@@ -8,28 +8,25 @@ own; where one launch has to be over before the next one begins, all of them wai
 """
 
 import ctypes
-import os
 import sys
-import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
 from functools import cache, cached_property
-from queue import SimpleQueue
 from typing import Any, Protocol
 
 import warp as wp
 
 from warpdeform.grid import Layout
-from warpdeform.kernels.meeting import GATE, meeting
+from warpdeform.kernels.meeting import meeting
 
 SHARED_FROM = 4096
 """Places of a grid from which on its launches are shared: below, waiting costs more than the other thread saves."""
-THREADS_FROM = 1 << 15
-"""Nodes of a simulation from which on it takes more than one thread unless told otherwise."""
-MOST_THREADS = 8
-"""Threads that are taken at most unless told otherwise: memory feeds no more."""
+BAND_BYTES = 300_000
+"""Size of the buffers of a band of rows: what a core's own cache keeps beside what streams through it."""
+LEAST_BAND = 8
+"""Rows of a band at least: one or two more of them are computed twice."""
 
 
 class ByRows(Protocol):
@@ -46,16 +43,21 @@ class RowStruct:
     Attributes:
         struct: The struct.
         arrays: Its members by name, each of shape (n, rows, columns), or (1, 1, 1) where it is not used.
+        buffers: Names of those that are buffers of bands.
     """
 
     struct: Any
     arrays: Mapping[str, wp.array]
+    buffers: frozenset[str] = frozenset()
 
     def of_rows(self, low: int, high: int) -> Any:
         """The struct with the rows of its members from `low` on."""
-        if low == 0:
-            return self._whole
-        return self._filled({name: a[:, low:] if a.size > 1 else a for name, a in self.arrays.items()})
+        return self._whole if low == 0 else self.of_band(low, low)
+
+    def of_band(self, low: int, base: int) -> Any:
+        """The struct with the rows of its members from `low` on, of buffers from `base` on."""
+        starts = {name: base if name in self.buffers else low for name in self.arrays}
+        return self._filled({n: a[:, starts[n] :] if starts[n] and a.size > 1 else a for n, a in self.arrays.items()})
 
     @cached_property
     def _whole(self) -> Any:
@@ -73,6 +75,22 @@ class Whole:
     """An array that every thread gets as it is, whatever its shape."""
 
     array: wp.array
+
+
+@dataclass(frozen=True)
+class Buffer:
+    """A component array that holds the rows of a band only while bands are launched (`launch_in_bands`)."""
+
+    array: wp.array
+
+
+@dataclass(frozen=True)
+class _Band:
+    """Rows that are launched now, counted from 0 and without the halo, and the row of buffers where they begin."""
+
+    low: int
+    high: int
+    base: int
 
 
 @dataclass(frozen=True)
@@ -105,11 +123,12 @@ class _Recording:
     def wait(self, for_: str) -> None:
         """Meet, if what comes next could otherwise overtake what was launched before."""
         if self.open and (self.open, for_) != ("alone", "alone"):
-            _wait(self.gate, self.threads)
+            wait_at(self.gate, self.threads)
         self.open = ""
 
 
-def _wait(gate: wp.array, threads: int) -> None:
+def wait_at(gate: wp.array, threads: int) -> None:
+    """Launch the kernel in which threads wait for each other."""
     wp.launch(meeting().meet, dim=1, inputs=[gate, threads, _yielding()], device=gate.device)
 
 
@@ -125,6 +144,7 @@ def _yielding() -> int:
 
 
 _recording: ContextVar[_Recording | None] = ContextVar("recording", default=None)
+_band: ContextVar[_Band | None] = ContextVar("band", default=None)
 
 
 def launch_lanes(kernel: Any, layout: Layout, *inputs: Any, device: Any, inner: bool = False) -> None:
@@ -176,13 +196,13 @@ def do_each(operation: Callable[[int], Any]) -> None:
 
 def repeat_while(condition: wp.array, body: Callable[..., None], **arguments: Any) -> None:
     """`wp.capture_while` for all threads."""
-    _meet("shared")
+    meet("shared")
     wp.capture_while(condition, _closed, body=body, arguments=arguments)
 
 
 def choose(condition: wp.array, on_true: Callable[..., None] | None, on_false: Callable[..., None] | None) -> None:
     """`wp.capture_if` for all threads; either branch may be None."""
-    _meet("shared")
+    meet("shared")
 
     def branch(body: Callable[..., None] | None) -> Callable[[], None] | None:
         return None if body is None else lambda: _closed(body, {})
@@ -195,10 +215,11 @@ def _closed(body: Callable[..., None], arguments: dict[str, Any]) -> None:
     """The body of a loop or branch: its condition stays until all have read it, and it leaves nothing open."""
     _leave_open()
     body(**arguments)
-    _meet("shared")
+    meet("shared")
 
 
-def _meet(for_: str) -> None:
+def meet(for_: str) -> None:
+    """Let all threads wait, if what comes next ("alone" or "shared") could overtake what was launched before."""
     recording = _recording.get()
     if recording is not None:
         recording.wait(for_)
@@ -210,22 +231,92 @@ def _leave_open() -> None:
         recording.open = "shared"
 
 
-def _launch_by_rows(kernel: Any, layout: Layout, dim: Sequence[int], inputs: Sequence[Any], device: Any) -> None:
+def launch_in_bands(
+    layout: Layout, buffers: Sequence[wp.array], write: Callable[[], None], finish: Callable[[], None], device: Any
+) -> None:
+    """Launch `write`, which leaves something in buffers, and `finish`, which reads it, over bands of rows in turn.
+
+    So what is written is read from the cache, and the buffers take no bandwidth of the memory: a product with A on a
+    large sheet takes three quarters of the time. Only neighbours may be read across rows, and `finish` must write
+    nothing that `write` reads. Without buffers, on CUDA, on periodic and small grids there are no bands.
+
+    Args:
+        layout: Layout of the grid.
+        buffers: Component arrays that `write` and `finish` pass as `Buffer` or as buffers of a `RowStruct`.
+        write: Launches kernels over lanes.
+        finish: The same.
+        device: Warp device.
+    """
+    low, high = _own_rows(layout, layout.lane_dim[0])
+    reach = layout.first_row
+    bytes_per_row = sum(a.shape[0] * a.strides[1] for a in buffers if a.size > 1)
+    rows = max(LEAST_BAND, BAND_BYTES // max(bytes_per_row, 1), 2 * reach)
+    if not bytes_per_row or device.is_cuda or any(layout.periodic) or high - low < 2 * (rows + 2 * reach):
+        write()
+        finish()
+        return
+    meet("shared")
+    for start in range(low, high, rows):
+        end = min(start + rows, high)
+        first, last = max(start - reach, 0), min(end + reach, layout.lane_dim[0])
+        # The last band lies in its own place, so that beyond it there is the halo.
+        base = first if end == layout.lane_dim[0] else low
+        with _rows(_Band(first, last, base)):
+            write()
+        with _rows(_Band(start, end, base + start - first)):
+            finish()
+    _leave_open()
+
+
+@contextmanager
+def _rows(band: _Band) -> Iterator[None]:
+    token = _band.set(band)
+    try:
+        yield
+    finally:
+        _band.reset(token)
+
+
+def _own_rows(layout: Layout, rows: int) -> tuple[int, int]:
+    """The rows that this thread launches, of as many."""
     recording = _recording.get()
-    if recording is None or layout.rows * layout.columns < SHARED_FROM:
-        launch_alone(kernel, dim, *(_part(each, layout, 0, dim[0]) for each in inputs), device=device)
+    if recording is None or _is_small(layout):
+        return 0, rows
+    return rows * recording.thread // recording.threads, rows * (recording.thread + 1) // recording.threads
+
+
+def _is_small(layout: Layout) -> bool:
+    return layout.rows * layout.columns < SHARED_FROM
+
+
+def _launch_by_rows(kernel: Any, layout: Layout, dim: Sequence[int], inputs: Sequence[Any], device: Any) -> None:
+    band, recording = _band.get(), _recording.get()
+    if band is not None:
+        # A kernel that begins at the first row of nodes counts its rows from there.
+        skipped = (layout.lane_dim[0] - dim[0]) // 2
+        low, high = max(band.low - skipped, 0), min(band.high - skipped, dim[0])
+        base = band.base + low + skipped - band.low
+        parts = [_part(each, layout, low, high, base - skipped) for each in inputs]
+        wp.launch(kernel, dim=(high - low, *dim[1:]), inputs=parts, device=device)
+        return
+    low, high = _own_rows(layout, dim[0])
+    if recording is None or _is_small(layout):
+        launch_alone(kernel, dim, *(_part(each, layout, 0, dim[0], 0) for each in inputs), device=device)
         return
     recording.wait("shared")
-    low, high = (dim[0] * (recording.thread + k) // recording.threads for k in (0, 1))
-    parts = [_part(each, layout, low, high) for each in inputs]
+    parts = [_part(each, layout, low, high, low) for each in inputs]
     wp.launch(kernel, dim=(high - low, *dim[1:]), inputs=parts, device=device)
     recording.open = "shared"
 
 
-def _part(argument: Any, layout: Layout, low: int, high: int) -> Any:
+def _part(argument: Any, layout: Layout, low: int, high: int, base: int) -> Any:
     """What a thread is given of an argument: the rows of component arrays, all of everything else."""
     if isinstance(argument, Whole):
         return argument.array
+    if isinstance(argument, RowStruct) and base != low:
+        return argument.of_band(low, base)
+    if isinstance(argument, Buffer):
+        argument, low = argument.array, base
     if hasattr(argument, "of_rows"):
         return argument.of_rows(low, high)
     if not isinstance(argument, wp.array) or low == 0 or argument.size == 0:
@@ -238,92 +329,11 @@ def _part(argument: Any, layout: Layout, low: int, high: int) -> Any:
     return argument
 
 
-class Team:
-    """The threads that replay a step, the calling thread among them.
-
-    Args:
-        threads: How many.
-        device: Warp device; more than one thread are of use on the CPU only.
-    """
-
-    def __init__(self, threads: int, device: Any) -> None:
-        self.threads = threads
-        self._gate: wp.array = wp.zeros(GATE, dtype=wp.int32, device=device)
-        self._device = device
-        self._graphs: list[Any] = []
-        self._calls: list[SimpleQueue[Any]] = []
-        self._done: SimpleQueue[BaseException | None] = SimpleQueue()
-        if threads > 1:
-            _wait(self._gate, 1)  # loads the kernel; a capture may not
-
-    def record(self, step: Callable[[], None]) -> None:
-        """Record a step once for every thread."""
-        self._graphs = []
-        for thread in range(self.threads):
-            with _as_thread(thread, self.threads, self._gate), wp.ScopedCapture(device=self._device) as capture:
-                step()
-                _meet("shared")
-            self._graphs.append(capture.graph)
-
-    @property
-    def recorded(self) -> bool:
-        """Whether there is something to replay."""
-        return bool(self._graphs)
-
-    def replay(self) -> None:
-        """Run the step; it is over for all threads when this returns."""
-        others = self._graphs[1:]
-        while len(self._calls) < len(others):
-            self._start_thread()
-        for calls, graph in zip(self._calls, others, strict=False):
-            calls.put(graph)
-        wp.capture_launch(self._graphs[0])
-        failures = [self._done.get() for _ in others]
-        for failure in failures:
-            if failure is not None:
-                raise failure
-
-    def _start_thread(self) -> None:
-        calls: SimpleQueue[Any] = SimpleQueue()
-        self._calls.append(calls)
-        threading.Thread(target=_serve, args=(calls, self._done), daemon=True, name="warpdeform").start()
-
-    def __del__(self) -> None:
-        for calls in self._calls:
-            calls.put(None)
-
-
-def _serve(calls: "SimpleQueue[Any]", done: "SimpleQueue[BaseException | None]") -> None:
-    """Replay what is asked for until nothing more is."""
-    while (graph := calls.get()) is not None:
-        try:
-            wp.capture_launch(graph)
-            done.put(None)
-        except BaseException as error:
-            done.put(error)
-        graph = None
-
-
 @contextmanager
-def _as_thread(thread: int, threads: int, gate: wp.array) -> Iterator[None]:
+def as_thread(thread: int, threads: int, gate: wp.array) -> Iterator[None]:
+    """Record for one thread of a team."""
     token = _recording.set(_Recording(thread, threads, gate) if threads > 1 else None)
     try:
         yield
     finally:
         _recording.reset(token)
-
-
-def choose_threads(asked: int, nodes: int, device: Any) -> int:
-    """How many threads a simulation takes.
-
-    Args:
-        asked: What the settings say; 0 leaves it open.
-        nodes: Nodes of all bodies.
-        device: Warp device.
-    """
-    if device.is_cuda:
-        return 1
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if asked:
-        return asked
-    return min(cores, MOST_THREADS) if nodes >= THREADS_FROM else 1

@@ -14,11 +14,11 @@ from warpdeform.handle import BodyHandle
 from warpdeform.information import BodyInfo, SimulationInfo, TermInfo
 from warpdeform.integrators import INTEGRATORS
 from warpdeform.integrators.newton import NewtonSolver
-from warpdeform.launching import Team, choose_threads
 from warpdeform.linear import PRECONDITIONERS
 from warpdeform.obstacle import Obstacle
 from warpdeform.result import Energy, Outcome, RunRecord, StepRecord
 from warpdeform.settings import Settings
+from warpdeform.team import Team, choose_threads
 from warpdeform.wind import Wind
 
 

@@ -14,7 +14,7 @@ from warpdeform.kernels import surface as kernels
 from warpdeform.kernels.surface_blocks import surface_blocks
 from warpdeform.kernels.surface_coupling import CHANGE_COMPONENTS, COUPLING_KERNELS, surface_coupling
 from warpdeform.kernels.surface_levels import surface_levels
-from warpdeform.launching import RowStruct, Whole, launch_lanes
+from warpdeform.launching import Buffer, RowStruct, Whole, launch_lanes
 from warpdeform.material import Material
 
 Array = NDArray[np.float64]
@@ -79,7 +79,9 @@ class SurfaceElasticity(Force):
         self.change = scratch(CHANGE_COMPONENTS, self.coupled)
         self.gathering = self._words.gathering
         gathered = {"flux": self.flux, "flexure": self.flexure, "scatter": self.scatter}
-        self.fluxes = RowStruct(self._words.gathering.Fluxes, gathered)
+        # Coupled moments reach one row farther than a band does.
+        buffers = frozenset() if self.coupled else frozenset({"flux", "scatter"})
+        self.fluxes = RowStruct(self._words.gathering.Fluxes, gathered, buffers)
         alpha_u, alpha_v = difference_weights(layout)
         self.alpha_u: wp.array = wp.array(alpha_u, dtype=real, device=device)
         self.alpha_v: wp.array = wp.array(alpha_v, dtype=real, device=device)
@@ -199,13 +201,14 @@ class SurfaceElasticity(Force):
         """Write flux and scatter of the projected Hessian times `direction`."""
         k = self._words
         self._halo.refresh(direction)
-        self._launch(k.product_cells, self._position, self.K, self.tension, self.K12, self.twist, direction, self.flux)
+        flux, scatter = Buffer(self.flux), Buffer(self.scatter)
+        self._launch(k.product_cells, self._position, self.K, self.tension, self.K12, self.twist, direction, flux)
         if self.coupled:
             c = self._coupling
             self._launch(c.change_along, self.alpha_u, self.alpha_v, self.flexure, self.twist, direction, self.change)
             self._couple()
         elif self.bending:
-            self._launch(k.product_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, direction, self.scatter)
+            self._launch(k.product_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, direction, scatter)
         self._refresh_stresses()
 
     def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:

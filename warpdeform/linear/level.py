@@ -39,10 +39,12 @@ class Vectors:
     Attributes:
         position: Where the terms are linearised [m].
         solution: What the cycle finds [m].
+        change: Scratch [m].
     """
 
     position: wp.array
     solution: wp.array
+    change: wp.array
 
 
 class Level:
@@ -81,6 +83,7 @@ class Level:
         # What a coarser grid feels of contact and pins is gone before the cycle begins.
         self._stiffening = zeros(6)
         self.residual, self._change = self._stiffening[:3], self._stiffening[3:]
+        self._changes = (self._change, vectors.change)
         self.inverse = zeros(6)
         self._elastic = zeros(6) if operator.blocks is not None else self.inverse
         self._coarsest: DenseInverse | None = None
@@ -112,7 +115,7 @@ class Level:
         terms = [coarse for _, coarse in self._pairs]
         operator = GridOperator(arrays, self._operator.inertia, zeros(6) if self._stiff else None, terms)
         coarse_lengths = tuple(length * grown for length, grown in zip(lengths, growth, strict=True))
-        vectors = Vectors(zeros(3), zeros(3))
+        vectors = Vectors(zeros(3), zeros(3), zeros(3))
         return Level(transfer.coarse, coarse_lengths, coarse_mass, operator, vectors, self._stiff, caution)
 
     def bytes(self) -> int:
@@ -123,7 +126,7 @@ class Level:
         if self.coarse is None:
             return own + (self._coarsest.bytes() if self._coarsest else 0)
         coarse, operator = self.coarse, self.coarse._operator
-        arrays = (coarse.position, coarse.solution, operator.body.mass, operator.body.free)
+        arrays = (*coarse._changes[1:], coarse.position, coarse.solution, operator.body.mass, operator.body.free)
         own += sum(array.capacity for array in arrays) + self._transfer.bytes()
         own += operator.blocks.capacity if operator.blocks is not None else 0
         return own + sum(term.bytes() for term in operator.terms) + coarse.bytes()
@@ -184,7 +187,8 @@ class Level:
         self._smooth(1)
         coarse, tables = self.coarse, self._transfer
         blocks = (free, self._elastic, inverse)
-        self._operator.launch_product("retire", self._change, *blocks, self.residual, self._change)
+        last = self._changes[1]  # the short smoother and the long one end in the same place
+        self._operator.launch_product("retire", last, *blocks, last, self.residual, self._change)
         filtered = self._elastic is not inverse
         coarse._launch("carry", Whole(self._change if filtered else self.residual), tables.restrict, coarse.residual)
         coarse.cycle(coarse.residual)
@@ -196,15 +200,15 @@ class Level:
         self._smooth(0)
 
     def _smooth(self, first: int) -> None:
-        """Steps of the smoother, each from the change that the one before has made."""
-        self._smooth_steps(first, SHORT.degree)
-        choose(self._long, lambda: self._smooth_steps(SHORT.degree, LONG.degree), None)
+        """Steps of the smoother from `first` on, each from the change that the one before has made."""
+        self._smooth_steps(first, range(first, SHORT.degree))
+        choose(self._long, lambda: self._smooth_steps(first, range(SHORT.degree, LONG.degree)), None)
 
-    def _smooth_steps(self, first: int, last: int) -> None:
-        for step in range(first, last):
+    def _smooth_steps(self, first: int, steps: range) -> None:
+        for step in steps:
+            given, found = self._changes[(step - first) % 2], self._changes[(step - first + 1) % 2]
             inputs = (self._body.free, self.inverse, self._rates, self._caution, step)
-            vectors = (self.residual, self._change, self.solution)
-            self._operator.launch_product("smooth", self._change, *inputs, *vectors)
+            self._operator.launch_product("smooth", given, *inputs, given, self.residual, found, self.solution)
 
     def _launch(self, name: str, *inputs: Any) -> None:
         kernel = getattr(self._kernels, name)

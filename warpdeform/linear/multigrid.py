@@ -31,7 +31,7 @@ class Multigrid(Preconditioner):
         self.levels: list[Level] = []
         for state, own in zip(operator.states, operator.grids, strict=True):
             model = state.model
-            vectors = Vectors(state.z, state.conditioned)
+            vectors = Vectors(state.z, state.conditioned, state.product)
             stiff = own.blocks is not None or model.has_pins
             self.levels.append(Level(model.grid, model.lengths, model.node_mass, own, vectors, stiff, self.caution))
 

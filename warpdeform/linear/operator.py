@@ -9,7 +9,7 @@ from warpdeform.forces.force import Force, GridArrays, GridTerm
 from warpdeform.forces.parameters import Parameters
 from warpdeform.kernels.krylov import krylov
 from warpdeform.kernels.products import products
-from warpdeform.launching import launch_lanes
+from warpdeform.launching import launch_in_bands, launch_lanes
 from warpdeform.state import State
 
 Terms = Sequence[Sequence[Force]]
@@ -44,13 +44,19 @@ class GridOperator:
 
         Args:
             name: The kernel.
-            p: The vector, shape (3, rows, columns).
+            p: The vector, shape (3, rows, columns); the kernel must not write it.
             inputs: Arguments of the kernel after those that the operator knows.
         """
         first, body = self.terms[0], self.body
-        first.write_fluxes(body, p)
         own = (first.fluxes, body.mass if self.blocks is None else self.blocks, self.inertia)
-        launch_lanes(getattr(self._kernels, name), body.layout, *own, *inputs, device=body.device)
+        kernel = getattr(self._kernels, name)
+        launch_in_bands(
+            body.layout,
+            [first.fluxes.arrays[buffer] for buffer in first.fluxes.buffers],
+            lambda: first.write_fluxes(body, p),
+            lambda: launch_lanes(kernel, body.layout, *own, *inputs, device=body.device),
+            body.device,
+        )
 
     def start_blocks(self, blocks: wp.array) -> None:
         """blocks = M/tau^2."""
