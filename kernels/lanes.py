@@ -72,7 +72,12 @@ def lanes(width: int, real: Any) -> SimpleNamespace:
         """A number per grid row, from an array (c, rows, 1)."""
         return words.splat(a[c, i, 0])
 
-    words.add1, words.add3, words.add6, words.along_u = add1, add3, add6, along_u
+    @wp.func
+    def spread3(a: wp.array3d(dtype=real), c: int, i: int, j: int):
+        """The vector at one place, in every lane."""
+        return words.vector(words.splat(a[c, i, j]), words.splat(a[c + 1, i, j]), words.splat(a[c + 2, i, j]))
+
+    words.add1, words.add3, words.add6, words.along_u, words.spread3 = add1, add3, add6, along_u, spread3
     words.width, words.real = width, real
     return words
 

@@ -1,4 +1,4 @@
-"""warpdeform: elastically deformable surfaces on NVIDIA Warp.
+"""warpdeform: elastically deformable curves, surfaces and solids on NVIDIA Warp.
 
 The public names are loaded when they are first used, so that `import warpdeform` needs neither Warp nor USD.
 """
@@ -13,7 +13,26 @@ if TYPE_CHECKING:
     from warpdeform.obstacle import Obstacle
     from warpdeform.scene import load_scene
     from warpdeform.settings import Settings
-    from warpdeform.shape import RestShape, arc, from_array, from_file, from_map, sheet
+    from warpdeform.shape import (
+        RestShape,
+        arc,
+        bent_block,
+        block,
+        from_array,
+        from_file,
+        from_map,
+        helix,
+        line,
+        pipe,
+        ring,
+        root_grid,
+        root_line,
+        sheet,
+        sphere,
+        strands,
+        torus,
+        tube,
+    )
     from warpdeform.simulation import Simulation
     from warpdeform.track import Track
     from warpdeform.usd.frames import FrameWriter
@@ -41,11 +60,23 @@ __all__ = [
     "Wind",
     "__version__",
     "arc",
+    "bent_block",
+    "block",
     "from_array",
     "from_file",
     "from_map",
+    "helix",
+    "line",
     "load_scene",
+    "pipe",
+    "ring",
+    "root_grid",
+    "root_line",
     "sheet",
+    "sphere",
+    "strands",
+    "torus",
+    "tube",
 ]
 
 _HOMES = {
@@ -55,7 +86,26 @@ _HOMES = {
     "obstacle": ("Obstacle",),
     "scene": ("load_scene",),
     "settings": ("Settings",),
-    "shape": ("RestShape", "arc", "from_array", "from_file", "from_map", "sheet"),
+    "shape": (
+        "RestShape",
+        "arc",
+        "bent_block",
+        "block",
+        "from_array",
+        "from_file",
+        "from_map",
+        "helix",
+        "line",
+        "pipe",
+        "ring",
+        "root_grid",
+        "root_line",
+        "sheet",
+        "sphere",
+        "strands",
+        "torus",
+        "tube",
+    ),
     "simulation": ("Simulation",),
     "track": ("Track",),
     "usd.frames": ("FrameWriter",),

@@ -72,6 +72,7 @@ class Body:
         springs: Springs from nodes to points.
         drag: Mass-proportional damping [1/s] beside the material's own.
         wind_coefficient: c of the viscous force c (n . v) n [kg/(m2 s)].
+        pressure: Pressure inside over outside of a surface with a periodic axis [Pa]; ends are capped; 0 for none.
         section: Cross-section of a curve, as its material wants it; its `radius` [m] is what wind meets.
         color: Display colour, linear RGB.
         roughness: Roughness of the preview surface, 0 to 1.
@@ -90,6 +91,7 @@ class Body:
     springs: tuple[Spring, ...] = ()
     drag: float = 0.0
     wind_coefficient: float = 2.0
+    pressure: float = 0.0
     section: Any = None
     color: tuple[float, float, float] = (0.55, 0.13, 0.11)
     roughness: float = 0.7
@@ -111,6 +113,11 @@ class Body:
             value = getattr(self, key)
             if not (math.isfinite(value) and value >= 0):
                 mistakes.append(Mistake(key, value, "must be a finite number, not negative", "Use 0 for none."))
+        if not math.isfinite(self.pressure):
+            mistakes.append(Mistake("pressure", self.pressure, "must be finite [Pa]", "Use 0 for none."))
+        elif self.pressure and not (kind == "surface" and any(self.shape.periodic)):
+            problem = f"needs a surface that encloses something, which this {kind} does not"
+            mistakes.append(Mistake("pressure", self.pressure, problem, "Use a tube, torus or sphere, or 0."))
         for key, length in (("position", 3), ("velocity", 3), ("rotation", 4)):
             value = getattr(self, key)
             if len(value) != length or not all(math.isfinite(x) for x in value):

@@ -12,6 +12,7 @@ from warpdeform.forces.drag import Drag
 from warpdeform.forces.force import Force
 from warpdeform.forces.gravity import Gravity
 from warpdeform.forces.obstacle_field import ObstacleField
+from warpdeform.forces.pressure import Pressure
 from warpdeform.forces.springs import Springs
 from warpdeform.forces.surface_elasticity import SurfaceElasticity
 from warpdeform.forces.wind_load import WindLoad
@@ -71,6 +72,8 @@ class BodyHandle:
             terms.append(Drag(state, body.drag + body.material.damping))
         if wind is not None and body.wind_coefficient > 0 and body.kind in WIND:
             terms.append(WIND[body.kind](state, wind, body.wind_coefficient))
+        if body.pressure:
+            terms.append(Pressure(state, body.pressure, body.shape.positions))
         if obstacles:
             speed = float(np.linalg.norm(body.velocity))
             positions = model.initial_positions

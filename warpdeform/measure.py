@@ -59,3 +59,40 @@ def exposed_shares(grid: ParameterGrid, positions: Array, diameter: float = 0.0)
                 at[axis] = end
                 shares[tuple(at)] += node_measures(face, positions[tuple(at)])
     return shares
+
+
+def enclosed_volume(periodic: tuple[bool, ...], positions: Array) -> float:
+    """Volume that a closed surface encloses [m3], ends of an open axis capped; positive if normals point outwards.
+
+    Args:
+        periodic: Axes that close: both, or one.
+        positions: Node positions [m], shape (nu, nv, 3).
+    """
+    grid = ParameterGrid(positions.shape[:2], (1.0, 1.0), periodic)
+    r = positions - positions.mean(axis=(0, 1))
+    m1, m2 = mean_edges(grid, r)
+    centre = grid.means(grid.means(r, 0), 1)
+    volume = float(np.sum(centre * np.cross(m1, m2))) / 3.0
+    rims, turns = rims_of(grid.nodes, periodic)
+    for rim, turn in zip(rims, turns, strict=True):
+        points = r[rim[:, 0], rim[:, 1]]
+        around = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
+        volume += float(turn * np.dot(points.mean(axis=0), around)) / 6.0
+    return volume
+
+
+def rims_of(nodes: tuple[int, ...], periodic: tuple[bool, ...]) -> tuple[NDArray[np.int64], Array]:
+    """The rims of a surface that is periodic along one axis: none if it is along both.
+
+    Returns:
+        Index pairs of their nodes in the order of the periodic axis, shape (2 or 0, n, 2), and 1 where that order is
+        counter-clockwise on a cap as seen from outside, else -1: the cap goes against the cells beside it.
+    """
+    if all(periodic):
+        return np.zeros((0, 1, 2), dtype=np.int64), np.zeros(0)
+    around = periodic.index(True)
+    rims = np.zeros((2, nodes[around], 2), dtype=np.int64)
+    rims[:, :, around] = np.arange(nodes[around])
+    rims[1, :, 1 - around] = nodes[1 - around] - 1
+    # Cells are r00, r10, r11, r01: along +u at the start of v, along -v at the start of u.
+    return rims, np.array([-1.0, 1.0] if around == 0 else [1.0, -1.0])

@@ -138,6 +138,8 @@ MISTAKES = [
     ('pins = ["corner:0,0"]', "springs = [{ nodes = 'all' }]", "body.0.springs.0.stiffness", "[N/m]"),
     ('pins = ["corner:0,0"]', "drag = -1", "body.0.drag", "not negative"),
     ('pins = ["corner:0,0"]', "wind_coefficient = -1", "body.0.wind_coefficient", "not negative"),
+    ('pins = ["corner:0,0"]', "pressure = 5", "body.0.pressure", "needs a surface that encloses something"),
+    ('pins = ["corner:0,0"]', "pressure = inf", "body.0.pressure", "must be finite [Pa]. Use for example 50"),
     ('pins = ["corner:0,0"]', "color = [0, 0, -1]", "body.0.color", "must not be negative"),
     ('pins = ["corner:0,0"]', "roughness = 2", "body.0.roughness", "must lie between 0 and 1"),
     ('pins = ["corner:0,0"]', "rotation = [0, 90]", "body.0.rotation", "must be 3 numbers [degrees]"),

@@ -52,6 +52,7 @@ def make_body(table: BodyTable, index: int, collector: Collector) -> Body | None
         "velocity": tuple(table.velocity),
         "drag": table.drag,
         "wind_coefficient": table.wind_coefficient,
+        "pressure": table.pressure,
         **look(table, at, collector),
     }
     if shape is not None:

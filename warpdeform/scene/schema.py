@@ -134,6 +134,7 @@ class BodyTable(Table):
     springs: list[SpringTable] = key([], "Springs from nodes to points")
     drag: float = key(0.0, "Damping by mass, beside the material's own", unit="1/s", example=0.1)
     wind_coefficient: float = key(2.0, "c of the wind's force c (n . v) n", unit="kg/(m2 s)", example=2.0)
+    pressure: float = key(0.0, "Pressure inside of a tube, torus or sphere over that outside", unit="Pa", example=50.0)
     color: Vector | None = key(None, "Colour, linear RGB", example=[0.55, 0.13, 0.11], words="3 numbers")
     roughness: float | None = key(None, "Roughness, 0 (mirror) to 1 (matt)", example=0.7, words="a number")
 

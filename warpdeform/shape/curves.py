@@ -32,7 +32,7 @@ def helix(nodes: Sequence[int], radius: float = 0.1, pitch: float = 0.1, turns: 
     """Coil about the x axis, right-handed, from (0, radius, 0) towards positive x.
 
     Args:
-        nodes: Nodes along it, one number of at least 2.
+        nodes: Nodes along it, one number, at least 3 for each turn and one more.
         radius: Radius [m].
         pitch: Way along the axis in one turn [m].
         turns: Turns.
@@ -40,10 +40,14 @@ def helix(nodes: Sequence[int], radius: float = 0.1, pitch: float = 0.1, turns: 
     Raises:
         InputError: Bad `nodes` or sizes.
     """
-    checked_nodes(nodes, "curve")
+    (count,) = checked_nodes(nodes, "curve")
     r = positive("radius", radius, 1, _LENGTH)[0]
     rise = positive("pitch", pitch, 1, "Use a length in m, for example 0.1.")[0] / (2.0 * math.pi)
-    angle = 2.0 * math.pi * positive("turns", turns, 1, "Use a number of turns, for example 5.")[0]
+    times = positive("turns", turns, 1, "Use a number of turns, for example 5.")[0]
+    if count - 1 < 3.0 * times:
+        problem, enough = f"are too few for {times:g} turns, each of at least 3 edges", math.ceil(12.0 * times) + 1
+        raise InputError(Mistake("nodes", nodes, problem, f"Use for example [{enough}]."))
+    angle = 2.0 * math.pi * times
     speed = math.hypot(r, rise)
 
     def coil(u: Array) -> Array:
