@@ -216,6 +216,16 @@ def test_check_of_a_usd_file(tmp_path: Path) -> None:
     assert "metersPerUnit" in done.stderr
 
 
+def test_check_counts_crossings(tmp_path: Path) -> None:
+    out = tmp_path / "out.usda"
+    call("run", "hanging", *COARSE, "--frames", 3, "--out", out)
+    assert call("check", out, "--crossings").stdout.startswith(f"{out}: in order: frames 3, no crossings, ")
+    report = json.loads(call("check", out, "--crossings", "--json").stdout)
+    assert report["crossings"] == [0, 0]
+    assert report["crossings_per_frame"] == [0, 0, 0]
+    assert call("check", "hanging", "--crossings").exit_code == 2
+
+
 def test_info_lists_bodies_terms_kernels_and_bytes() -> None:
     done = call("info", "hanging", *COARSE)
     assert done.exit_code == 0, done.output

@@ -3,8 +3,8 @@ import pytest
 from motions import squashed_ball
 from numpy.typing import NDArray
 
+from warpdeform.topology import quad_indices
 from warpdeform.usd.geometry import creased_normals, enclosed_volume, extent, face_areas, vertex_normals
-from warpdeform.usd.topology import quad_indices
 
 
 def torus(nodes: tuple[int, int], radius: float = 1.0, tube: float = 0.3) -> tuple[NDArray, NDArray]:

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from warpdeform.obstacle import Obstacle
+from warpdeform.topology import quad_indices
 from warpdeform.usd.geometry import creased_normals, extent, vertex_normals
 from warpdeform.usd.stage import StageUnits, StaticStage, vector_array
-from warpdeform.usd.topology import quad_indices
 
 PLANE_WIDTH = 20.0
 """Width at which the infinite plane is drawn, m."""

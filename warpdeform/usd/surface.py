@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpdeform.errors import Mistake
+from warpdeform.topology import Ints, cap_faces, cell_counts, flattened, quad_indices, texture_coordinates
 from warpdeform.usd.description import BodyDescription, BodySamples, Vectors, grid_mistakes
 from warpdeform.usd.geometry import enclosed_volume, vertex_normals
-from warpdeform.usd.topology import Ints, cap_faces, cell_counts, flattened, quad_indices, texture_coordinates
 
 if TYPE_CHECKING:
     from pxr import Sdf, UsdGeom

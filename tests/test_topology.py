@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from motions import breathing_torus, shearing_block
 
-from warpdeform.usd.topology import (
+from warpdeform.topology import (
     block_sides,
     block_tetrahedra,
     cap_faces,
