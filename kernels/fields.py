@@ -19,6 +19,7 @@ import warp as wp
 
 from warpdeform.kernels.distance import distances
 from warpdeform.kernels.lanes import kernel_module, lanes
+from warpdeform.kernels.potential import potential
 
 STICK = 1e-4
 """u0: how far an anchor stretches before it slides [m]."""
@@ -44,15 +45,9 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
     geometry = distances(real, with_mesh)
     Obstacle, Pose = geometry.Obstacle, geometry.Pose
     remembered_distance, remember_distance = geometry.remembered_distance, geometry.remember_distance
+    exponential = potential(real)
     zero, one, half, stick = real(0.0), real(1.0), real(0.5), real(STICK)
     module = kernel_module("fields" + "_mesh" * with_mesh + "_friction" * with_friction, 1, real)
-
-    @wp.func
-    def potential(o: Obstacle, f: real):
-        """phi, phi', phi'' at f."""
-        e = o.strength * wp.exp(-wp.max(f, zero) / o.eps)
-        q = wp.min(f, zero) / o.eps
-        return V(e * (one - q + half * q * q), e * (q - one) / o.eps, e / (o.eps * o.eps))
 
     @wp.func
     def slip(o: Obstacle, pose: Pose, lagged: wp.array3d(dtype=real), i: int, j: int, z: V, x: V):
@@ -96,7 +91,7 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
             press = zero
             if d[3] < o.cutoff:
                 n = pose.rotation * V(d[0], d[1], d[2])
-                phi = potential(o, d[3])
+                phi = exponential(o.strength, o.eps, d[3])
                 press = -m * phi[1]
                 g -= press * n
                 b += m * phi[2] * outer(n, n)
@@ -155,7 +150,7 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
             pose = poses[k]
             d = remembered_distance(o, memory, i, j, wp.transpose(pose.rotation) * (z - pose.position), o.cutoff)
             if d[3] < o.cutoff:
-                e += wp.float64(m * potential(o, d[3])[0])
+                e += wp.float64(m * exponential(o.strength, o.eps, d[3])[0])
             if wp.static(with_friction):
                 if o.lagged >= 0:
                     load = o.friction * load1(lagged, o.lagged + LOAD, i, j)

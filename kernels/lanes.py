@@ -79,6 +79,7 @@ def lanes(width: int, real: Any) -> SimpleNamespace:
 
     words.add1, words.add3, words.add6, words.along_u, words.spread3 = add1, add3, add6, along_u, spread3
     words.width, words.real = width, real
+    vars(words).update(vars(_scalar_comparisons(real) if width == 1 else _wide_comparisons(width, real)))
     return words
 
 
@@ -373,3 +374,93 @@ def _halves(width: int) -> list[int]:
 def _chosen(names: dict[str, Any]) -> SimpleNamespace:
     """The words among the names of a function."""
     return SimpleNamespace(**{name: word for name, word in names.items() if name in WORDS})
+
+
+COMPARISONS = frozenset("least most where1 where3 lane1 lane3 spread min_lanes".split())
+"""Words that search for contacts: which of two is smaller, which lanes are meant."""
+
+
+def _scalar_comparisons(real: Any) -> SimpleNamespace:
+    V = wp.types.vector(3, real)
+
+    @wp.func
+    def least(a: real, b: real):
+        return wp.min(a, b)
+
+    @wp.func
+    def most(a: real, b: real):
+        return wp.max(a, b)
+
+    @wp.func
+    def where1(c: real, a: real, b: real):
+        """a where c > 0, else b."""
+        return wp.where(c > real(0.0), a, b)
+
+    @wp.func
+    def where3(c: real, a: V, b: V):
+        """a where c > 0, else b."""
+        return wp.where(c > real(0.0), a, b)
+
+    @wp.func
+    def lane1(a: real, k: int):
+        """Lane k."""
+        return a
+
+    @wp.func
+    def lane3(a: V, k: int):
+        """The vector in lane k."""
+        return a
+
+    @wp.func
+    def spread(a: V):
+        """One vector in every lane."""
+        return a
+
+    @wp.func
+    def min_lanes(a: real):
+        return a
+
+    return SimpleNamespace(**{name: word for name, word in locals().items() if name in COMPARISONS})
+
+
+def _wide_comparisons(width: int, real: Any) -> SimpleNamespace:
+    rn, size = NATIVE[real], width * (4 if real == wp.float32 else 8)
+    L, V, P = wp.types.vector(width, real), wp.types.matrix((3, width), real), wp.types.vector(3, real)
+    vec, mat, each = f"wp::vec_t<{width}, {rn}>", f"wp::mat_t<3, {width}, {rn}>", f"for (int k = 0; k < {width}; ++k)"
+    lv = f"typedef {rn} lv __attribute__((vector_size({size}), aligned({size // width}), may_alias)); "
+
+    def one(name: str) -> str:
+        return f"(*(lv*)&{name}.c[0])"
+
+    def row(name: str, k: int) -> str:
+        return f"(*(lv*)&{name}.data[{k}][0])"
+
+    @wp.func_native(f"{lv}{vec} r; {one('r')} = __builtin_elementwise_min({one('a')}, {one('b')}); return r;")
+    def least(a: L, b: L) -> L: ...
+
+    @wp.func_native(f"{lv}{vec} r; {one('r')} = __builtin_elementwise_max({one('a')}, {one('b')}); return r;")
+    def most(a: L, b: L) -> L: ...
+
+    @wp.func_native(f"{lv}{vec} r; {one('r')} = {one('c')} > ({rn})0 ? {one('a')} : {one('b')}; return r;")
+    def where1(c: L, a: L, b: L) -> L: ...
+
+    @wp.func_native(
+        f"{lv}{mat} r; "
+        + "".join(f"{row('r', k)} = {one('c')} > ({rn})0 ? {row('a', k)} : {row('b', k)}; " for k in range(3))
+        + "return r;"
+    )
+    def where3(c: L, a: V, b: V) -> V: ...
+
+    @wp.func_native("return a.c[k];")
+    def lane1(a: L, k: int) -> real: ...
+
+    @wp.func_native(f"return wp::vec_t<3, {rn}>(a.data[0][k], a.data[1][k], a.data[2][k]);")
+    def lane3(a: V, k: int) -> P: ...
+
+    @wp.func_native(f"{mat} r; for (int c = 0; c < 3; ++c) {each} r.data[c][k] = a.c[c]; return r;")
+    def spread(a: P) -> V: ...
+
+    @wp.func_native(f"{rn} m = a.c[0]; {each} m = a.c[k] < m ? a.c[k] : m; return m;")
+    def min_lanes(a: L) -> real: ...
+
+    return SimpleNamespace(**{name: word for name, word in locals().items() if name in COMPARISONS})

@@ -74,6 +74,8 @@ class Body:
         wind_coefficient: c of the viscous force c (n . v) n [kg/(m2 s)].
         pressure: Pressure inside over outside of a surface with a periodic axis [Pa]; ends are capped; 0 for none.
         section: Cross-section of a curve, as its material wants it; its `radius` [m] is what wind meets.
+        self_contact: Whether it feels itself.
+        contact_thickness: Thickness for contact with bodies [m]; None takes that of the material or the section.
         color: Display colour, linear RGB.
         roughness: Roughness of the preview surface, 0 to 1.
         nodes: Nodes along the axes: (n, strands) of a curve, (nu, nv) of a surface, (nu, nv, nw) of a solid.
@@ -93,6 +95,8 @@ class Body:
     wind_coefficient: float = 2.0
     pressure: float = 0.0
     section: Any = None
+    self_contact: bool = False
+    contact_thickness: float | None = None
     color: tuple[float, float, float] = (0.55, 0.13, 0.11)
     roughness: float = 0.7
     nodes: tuple[int, ...] = field(init=False)
@@ -156,6 +160,15 @@ class Body:
     def diameter(self) -> float:
         """Diameter of a curve that wind meets [m]; 0 without a section."""
         return 0.0 if self.section is None else 2.0 * float(self.section.radius)
+
+    @property
+    def skin_thickness(self) -> float:
+        """Distance of the skins of both sides [m]: of a sheet its thickness, of a curve its diameter, of a solid 0."""
+        if self.contact_thickness is not None:
+            return self.contact_thickness
+        if self.kind == "solid":
+            return 0.0
+        return self.diameter if self.kind == "curve" else float(self.material.thickness or 0.0)
 
     def placed_positions(self) -> NDArray[np.float64]:
         """Initial node positions [m], shape (*nodes, 3)."""

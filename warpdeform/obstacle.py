@@ -223,15 +223,25 @@ class Obstacle:
             expected_speed: Fastest normal speed expected [m/s], used where `design_speed` is left out.
         """
         speed = self.design_speed if self.design_speed is not None else max(1.0, 1.2 * expected_speed)
-        g = self.normal_gravity(gravity)
-        gaps = 7.0
-        if g > 1e-6:
-            speed = max(speed, 3.7 * math.sqrt(g * self.gap))
-            a = math.log(speed**2 / (2.0 * g * self.gap))
-            last = 0.0
-            while abs(gaps - last) > 1e-6:
-                last, gaps = gaps, a + math.log(gaps)
-        return FieldConstants(speed, self.gap / gaps, self.gap + 7.0 * self.gap / gaps)
+        return field_constants(speed, self.gap, self.normal_gravity(gravity))
+
+
+def field_constants(speed: float, gap: float, gravity: float) -> FieldConstants:
+    """The constants of a field that stops a design speed [m/s] and keeps a weight at a gap [m] (design 5.1).
+
+    Args:
+        speed: V, raised where it is too low for the gap.
+        gap: Distance at rest.
+        gravity: What presses on it [m/s2].
+    """
+    gaps = 7.0
+    if gravity > 1e-6:
+        speed = max(speed, 3.7 * math.sqrt(gravity * gap))
+        a = math.log(speed**2 / (2.0 * gravity * gap))
+        last = 0.0
+        while abs(gaps - last) > 1e-6:
+            last, gaps = gaps, a + math.log(gaps)
+    return FieldConstants(speed, gap / gaps, gap + 7.0 * gap / gaps)
 
 
 def _numbers(value: object) -> NDArray[np.float64]:

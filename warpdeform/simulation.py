@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from warpdeform.body import Body
+from warpdeform.contact import Contact
 from warpdeform.device import find_device
 from warpdeform.errors import InputError, Mistake, SimulationFailure
 from warpdeform.handle import BodyHandle
@@ -19,6 +20,7 @@ from warpdeform.obstacle import Obstacle
 from warpdeform.result import Energy, Outcome, RunRecord, StepRecord
 from warpdeform.settings import Settings
 from warpdeform.team import Team, choose_threads
+from warpdeform.touching import add_contacts
 from warpdeform.wind import Wind
 
 
@@ -30,6 +32,7 @@ class Simulation:
     Args:
         bodies: At least one body, with names of their own.
         obstacles: Obstacles that every body meets.
+        contacts: Pairs of bodies that feel each other; bodies with `self_contact` need none.
         wind: Moving air; None is still air that does not resist either.
         settings: Solver settings.
         lane_width: Nodes per lane group, for tests; None takes what suits the device.
@@ -44,6 +47,7 @@ class Simulation:
         bodies: Sequence[Body],
         *,
         obstacles: Sequence[Obstacle] = (),
+        contacts: Sequence[Contact] = (),
         wind: Wind | None = None,
         settings: Settings | None = None,
         lane_width: int | None = None,
@@ -61,6 +65,7 @@ class Simulation:
             BodyHandle(body, self.obstacles, wind, self.settings, self.device, self._iteration, lane_width)
             for body in bodies
         )
+        self.contact = add_contacts(self.bodies, contacts, self.settings)
         states = [handle.state for handle in self.bodies]
         nodes = sum(handle.model.grid.node_count for handle in self.bodies)
         self.threads = choose_threads(self.settings.threads, nodes, self.device) if captured else 1

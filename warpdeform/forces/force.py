@@ -88,6 +88,10 @@ class Force:
 
     Every method but `prepare` and `bytes` only launches kernels, so that a step can be captured as one graph: no
     allocation, no read of a device array, no decision on the host. Terms override what they have; the rest is empty.
+
+    A word is asked of the terms of all bodies before what it changes is used, in the order of the bodies: so a term that
+    several bodies share does its work when the first of them, or the last, is asked. The vectors that it is given are
+    the bodies' own, so that those of the other bodies are known by their names.
     """
 
     name: ClassVar[str] = "force"
@@ -150,6 +154,9 @@ class Force:
 
     def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
         """Add the whole Hessian of a node-wise term, one symmetric block per node [N/m], shape (6, rows, columns)."""
+
+    def add_coupling_product(self, body: BodyArrays, direction: wp.array, product: wp.array) -> None:
+        """Add the Hessian times `direction` without its diagonal blocks [N] (terms that couple nodes of any bodies)."""
 
     def carry(self, body: BodyArrays, start: wp.array) -> None:
         """Move `start` out of the way of obstacles that would jump over it during the step."""

@@ -150,8 +150,9 @@ class NewtonSolver:
                 term.begin(state)
                 term.carry(state, state.z)
             self._stage(state, "difference", state.trial, state.z, state.direction)
-            self._guard(state, own)
-            self._stage(state, "displace", self._scalars, state.z, state.direction, state.trial)
+        self._guard()
+        self._step_along("trial")
+        for state, own in zip(self.states, self.terms, strict=True):
             for term in own:
                 if not term.elastic:
                     term.linearise(state, state.trial)
@@ -169,8 +170,8 @@ class NewtonSolver:
             self._mask_gradient(state)
         self.operator.update()
         self.linear_solver.solve()
-        for state, own in zip(self.states, self.terms, strict=True):
-            self._guard(state, own)
+        self._guard()
+        for state in self.states:
             self._lanes(state, "dot", state.gradient, state.direction, state.dots)
         self.sums.total_dots(entries.SLOPE, self._scalars)
         self._greatest("direction", "free", entries.UPDATE)
@@ -217,9 +218,10 @@ class NewtonSolver:
     def _mask_gradient(self, state: State) -> None:
         self._lanes(state, "mask", state.free, state.gradient)
 
-    def _guard(self, state: State, terms: Sequence[Force]) -> None:
-        for term in terms:
-            term.guard(state, state.z, state.direction)
+    def _guard(self) -> None:
+        for state, own in zip(self.states, self.terms, strict=True):
+            for term in own:
+                term.guard(state, state.z, state.direction)
 
     def _step_along(self, vector: str) -> None:
         for state in self.states:

@@ -128,6 +128,10 @@ class LinearOperator:
         """product = free A search, and the partial sums of search.product into `State.dots`."""
         for state, grid in zip(self.states, self.grids, strict=True):
             grid.product(state.search, state.product)
+        for state, own in zip(self.states, self.terms, strict=True):
+            for term in own:
+                term.add_coupling_product(state, state.search, state.product)
+        for state, grid in zip(self.states, self.grids, strict=True):
             grid.launch("mask_dot", state.free, state.search, state.product, state.dots)
 
 

@@ -1,0 +1,253 @@
+"""Forces between pairs: points and triangles, edges and edges (design 5.2).
+
+Per pair, with r the vector from the closest point of the second to that of the first and w the corners' weights in it,
+1 for a point, minus the barycentric ones for its triangle, so that r = sum w_k x_k:
+
+    energy    m phi(|r| - offset)              m = m1 m2 / (m1 + m2), reduced mass of the two sides
+    gradient  m phi' w_k n                     n = r / |r|; exact, since the closest points are stationary
+    Hessian   m phi'' (w_k n) (w_l n)'         without the turning of n, which may be negative
+
+Where layers meet every point faces a triangle on either side, so that two pairs share what m phi stands for: half the
+mean of the masses each. The list of pairs is frozen between searches; the closest points follow the positions.
+"""
+
+import functools
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from warpdeform.kernels.boxes import box_words
+from warpdeform.kernels.contact_geometry import closest
+from warpdeform.kernels.contact_law import contact_law
+from warpdeform.kernels.contact_lists import LENGTH, Pair, corner_of
+from warpdeform.kernels.lanes import kernel_module, lanes
+from warpdeform.kernels.potential import potential
+
+CLOSE = 0.1
+"""Range of edges that feel each other only when very close, as a share of that of the field, and their weight."""
+
+
+@functools.cache
+def contact(real: Any) -> SimpleNamespace:
+    """The kernels for one precision, and `Push`, what a pair does at a Newton iterate."""
+    words = lanes(1, real)
+    V, S, load3, add3, add6, store3 = words.V, words.S, words.load3, words.add3, words.add6, words.store3
+    outer, scale6, apply6 = words.outer, words.scale6, words.apply6
+    geometry, Law, at_slot = closest(1, real), contact_law(real), box_words(real).at_slot
+    point_triangle, segment_segment = geometry.point_triangle, geometry.segment_segment
+    exponential = potential(real)
+    W = wp.types.vector(4, real)
+    zero, one = real(0.0), real(1.0)
+    module = kernel_module("contact", 1, real)
+
+    @wp.struct
+    class Push:
+        """What a pair does at a Newton iterate.
+
+        Attributes:
+            w: Weights of the corners.
+            gradient: Derivative of the energy by r [N].
+            block: Derivative of that by r, positive semi-definite [N/m].
+        """
+
+        w: W
+        gradient: V
+        block: S
+
+    @wp.func
+    def difference(pair: Pair, points: wp.array3d(dtype=real)):
+        """The vector r between the closest points, and the weights of the corners in it."""
+        xa, xb = at_slot(points, pair.a), at_slot(points, pair.b)
+        xc, xd = at_slot(points, pair.c), at_slot(points, pair.d)
+        r, w = V(), W()
+        if pair.edges == 1:
+            r, s, t = segment_segment(xa, xb, xc, xd)
+            w = W(one - s, s, t - one, -t)
+        else:
+            r, u = point_triangle(xa, xb, xc, xd)
+            w = W(one, -u[0], -u[1], -u[2])
+        return r, w
+
+    @wp.func
+    def reduced_mass(pair: Pair, masses: wp.array(dtype=real), w: W):
+        first = w[0] * masses[pair.a]
+        second = -w[2] * masses[pair.c] - w[3] * masses[pair.d]
+        if pair.edges == 1:
+            first += w[1] * masses[pair.b]
+        else:
+            second -= w[1] * masses[pair.b]
+        return first * second / (first + second)
+
+    @wp.func
+    def density(pair: Pair, law: Law, distance: real):
+        """phi and its derivatives at a distance of the middle surfaces."""
+        share = one
+        if pair.close == 1:
+            share = real(CLOSE)
+        return share * exponential(law.strength, share * law.eps, distance - law.offset)
+
+    @wp.kernel(module=module)
+    def weigh_pairs(
+        threads: int,
+        counts: wp.array(dtype=wp.int32),
+        pairs: wp.array(dtype=Pair),
+        points: wp.array3d(dtype=real),
+        masses: wp.array(dtype=real),
+        weights_out: wp.array(dtype=real),
+    ):
+        """Masses of new pairs, which stay while the list does."""
+        k = wp.tid()
+        while k < counts[LENGTH]:
+            r, w = difference(pairs[k], points)
+            weights_out[k] = reduced_mass(pairs[k], masses, w)
+            k += threads
+
+    @wp.kernel(module=module)
+    def linearise_pairs(
+        threads: int,
+        counts: wp.array(dtype=wp.int32),
+        pairs: wp.array(dtype=Pair),
+        laws: wp.array(dtype=Law),
+        weights: wp.array(dtype=real),
+        points: wp.array3d(dtype=real),
+        pushes_out: wp.array(dtype=Push),
+    ):
+        k = wp.tid()
+        while k < counts[LENGTH]:
+            pair = pairs[k]
+            r, w = difference(pair, points)
+            distance = wp.length(r)
+            n = r / wp.max(distance, real(1e-30))
+            phi = density(pair, laws[pair.law], distance)
+            push = Push()
+            push.w = w
+            push.gradient = weights[k] * phi[1] * n
+            push.block = weights[k] * phi[2] * outer(n, n)
+            pushes_out[k] = push
+            k += threads
+
+    @wp.kernel(module=module)
+    def pair_energies(
+        threads: int,
+        counts: wp.array(dtype=wp.int32),
+        pairs: wp.array(dtype=Pair),
+        laws: wp.array(dtype=Law),
+        weights: wp.array(dtype=real),
+        points: wp.array3d(dtype=real),
+        energies_out: wp.array(dtype=wp.float64),
+    ):
+        """Energy [J] of each thread's pairs."""
+        thread = wp.tid()
+        total = wp.float64(0.0)
+        k = thread
+        while k < counts[LENGTH]:
+            pair = pairs[k]
+            r, w = difference(pair, points)
+            total += wp.float64(weights[k] * density(pair, laws[pair.law], wp.length(r))[0])
+            k += threads
+        energies_out[thread] = total
+
+    @wp.kernel(module=module)
+    def add_energies(halo: int, energies: wp.array(dtype=wp.float64), partials_out: wp.array2d(dtype=wp.float64)):
+        """All of it to one place of one body."""
+        total = wp.float64(0.0)
+        for k in range(energies.shape[0]):
+            total += energies[k]
+        partials_out[1, halo] = partials_out[1, halo] + total
+
+    @wp.kernel(module=module)
+    def add_pair_gradients(
+        halo: int,
+        slots: wp.array2d(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        entries: wp.array(dtype=wp.int32),
+        pushes: wp.array(dtype=Push),
+        gradient_out: wp.array3d(dtype=real),
+    ):
+        row, column = wp.tid()
+        i, j = row + 1, column + halo
+        s = slots[i, j]
+        if s >= 0 and starts[s + 1] > starts[s]:
+            g = V()
+            for k in range(starts[s], starts[s + 1]):
+                push = pushes[entries[k] >> 2]
+                g += push.w[entries[k] & 3] * push.gradient
+            add3(gradient_out, 0, i, j, g)
+
+    @wp.kernel(module=module)
+    def add_pair_blocks(
+        halo: int,
+        slots: wp.array2d(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        entries: wp.array(dtype=wp.int32),
+        pushes: wp.array(dtype=Push),
+        blocks_out: wp.array3d(dtype=real),
+    ):
+        row, column = wp.tid()
+        i, j = row + 1, column + halo
+        s = slots[i, j]
+        if s >= 0 and starts[s + 1] > starts[s]:
+            b = S()
+            for k in range(starts[s], starts[s + 1]):
+                push = pushes[entries[k] >> 2]
+                w = push.w[entries[k] & 3]
+                b += w * w * push.block
+            add6(blocks_out, 0, i, j, b)
+
+    @wp.kernel(module=module)
+    def multiply_pairs(
+        threads: int,
+        counts: wp.array(dtype=wp.int32),
+        pairs: wp.array(dtype=Pair),
+        pushes: wp.array(dtype=Push),
+        directions: wp.array3d(dtype=real),
+        pulls_out: wp.array(dtype=V),
+    ):
+        """Block times the change of r."""
+        k = wp.tid()
+        while k < counts[LENGTH]:
+            pair = pairs[k]
+            push = pushes[k]
+            change = push.w[0] * at_slot(directions, pair.a) + push.w[1] * at_slot(directions, pair.b)
+            change += push.w[2] * at_slot(directions, pair.c) + push.w[3] * at_slot(directions, pair.d)
+            pulls_out[k] = apply6(push.block, change)
+            k += threads
+
+    @wp.kernel(module=module)
+    def add_couplings(
+        halo: int,
+        slots: wp.array2d(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        entries: wp.array(dtype=wp.int32),
+        pushes: wp.array(dtype=Push),
+        pulls: wp.array(dtype=V),
+        direction: wp.array3d(dtype=real),
+        product_out: wp.array3d(dtype=real),
+    ):
+        """The Hessian product without its diagonal blocks, which are the nodes' own."""
+        row, column = wp.tid()
+        i, j = row + 1, column + halo
+        s = slots[i, j]
+        if s >= 0 and starts[s + 1] > starts[s]:
+            p = load3(direction, 0, i, j)
+            q = V()
+            for k in range(starts[s], starts[s + 1]):
+                push = pushes[entries[k] >> 2]
+                w = push.w[entries[k] & 3]
+                q += w * (pulls[entries[k] >> 2] - w * apply6(push.block, p))
+            add3(product_out, 0, i, j, q)
+
+    return SimpleNamespace(
+        module=module,
+        Push=Push,
+        V=V,
+        weigh_pairs=weigh_pairs,
+        linearise_pairs=linearise_pairs,
+        pair_energies=pair_energies,
+        add_energies=add_energies,
+        add_pair_gradients=add_pair_gradients,
+        add_pair_blocks=add_pair_blocks,
+        multiply_pairs=multiply_pairs,
+        add_couplings=add_couplings,
+    )

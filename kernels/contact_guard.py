@@ -1,0 +1,516 @@
+"""What forbids crossing: no pair may come to where its dividing plane no longer divides it (design 5.2).
+
+For a pair with the unit normal n between its closest points, and displacements d of its corners, the smallest
+separation along n at the end of the way,
+
+    min over corners i of the first, j of the second side of   n.(x_i - x_j) + n.(d_i - d_j)
+
+is a concave function of how much of the way is gone: if it is positive at the end it is so all the time, and the two
+cannot have met. This is a plane that moves with the pair, so it does not hold back what moves together, and it says so
+for every pair that it is asked about, whether a force acts or not. A pair is *at risk* if it would lose more than 0.9
+of its separation above the floor. Pairs whose boxes cannot meet, given the boxes of their displacements, are not.
+
+Risks are taken away by impulses along n, inverse to the corners' masses, so that the guard gives a body no momentum;
+each pair's are divided by the number of risks that the most concerned of its corners has. Then all pairs are asked
+again. Where that does not end, the whole displacement is shortened to what every pair allows.
+
+Departs from design 5.2, whose planes stand still in the frame of the body's mean motion, share the gap between both
+sides, and need a cap of 0.45 of the query radius for what was not found: those hold back layers that move together, and
+nodes far from any contact.
+"""
+
+import functools
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from warpdeform.kernels.boxes import BLOCK, Tables, box_words
+from warpdeform.kernels.contact_geometry import closest
+from warpdeform.kernels.contact_law import contact_law
+from warpdeform.kernels.contact_lists import LENGTH, Pair
+from warpdeform.kernels.contact_search import contact_search
+from warpdeform.kernels.lanes import kernel_module, lanes
+
+HITS = 32
+"""Blocks that a thread takes from the tree at a time."""
+ALLOWED = 0.9
+"""Share of its separation above the floor that a pair may lose in one update."""
+TARGET = 0.7
+"""The same, for what impulses aim at: a margin for what they do to each other."""
+TOLERANCE = 1e-3
+"""Share of the separation that a pair below the floor may lose all the same: so that round-off is no risk."""
+HALF_CONE = 1.047
+"""As in :mod:`warpdeform.kernels.boxes`."""
+
+# Entries of the int32 state of the guard.
+ACTIVE = wp.constant(0)
+ROUND = wp.constant(1)
+LIMITED = wp.constant(2)
+CUT = wp.constant(3)
+SHORTENED = wp.constant(4)
+GUARD_STATE = 5
+
+
+@functools.cache
+def contact_guard(width: int, real: Any) -> SimpleNamespace:
+    """The search for pairs at risk, for one lane width and precision."""
+    words, single = lanes(width, real), lanes(1, real)
+    V, load3 = single.V, words.load3
+    splat, lane1, min_lanes = words.splat, words.lane1, words.min_lanes
+    most = words.most
+    exact = closest(1, real)
+    point_triangle, segment_segment = exact.point_triangle, exact.segment_segment
+    shape, Law, Scene = box_words(real), contact_law(real), contact_search(width, real).Scene
+    Box, at_slot = shape.Box, shape.at_slot
+    W = words.V
+    Hits = wp.types.vector(HITS, wp.int32)
+    groups = BLOCK // width
+    zero, one, tiny = real(0.0), real(1.0), real(1e-30)
+    module = kernel_module("contact_guard", width, real)
+
+    @wp.func
+    def approach(a: Box, b: Box, drift_a: Box, drift_b: Box):
+        """Least distance, along the axis where it is largest, of boxes whose contents move by drifts."""
+        x = wp.max(
+            a[0] + wp.min(drift_a[0] - drift_b[3], zero) - b[3], b[0] - a[3] - wp.max(drift_a[3] - drift_b[0], zero)
+        )
+        y = wp.max(
+            a[1] + wp.min(drift_a[1] - drift_b[4], zero) - b[4], b[1] - a[4] - wp.max(drift_a[4] - drift_b[1], zero)
+        )
+        z = wp.max(
+            a[2] + wp.min(drift_a[2] - drift_b[5], zero) - b[5], b[2] - a[5] - wp.max(drift_a[5] - drift_b[2], zero)
+        )
+        return wp.max(x, wp.max(y, z))
+
+    @wp.func
+    def swept(box: Box, drift: Box, other_drift: Box):
+        """The box of all places of a box, as seen from something that moves by another drift."""
+        return Box(
+            box[0] + wp.min(drift[0] - other_drift[3], zero),
+            box[1] + wp.min(drift[1] - other_drift[4], zero),
+            box[2] + wp.min(drift[2] - other_drift[5], zero),
+            box[3] + wp.max(drift[3] - other_drift[0], zero),
+            box[4] + wp.max(drift[4] - other_drift[1], zero),
+            box[5] + wp.max(drift[5] - other_drift[2], zero),
+        )
+
+    @wp.func
+    def turns(drift: Box, spacing: real):
+        """How far the normals of a block may turn that drifts so: its diagonals are longer than the spacing."""
+        return real(2.0) * wp.length(V(drift[3] - drift[0], drift[4] - drift[1], drift[5] - drift[2])) / spacing
+
+    @wp.func
+    def stays_smooth(tables: Tables, scene: Scene, a: int, b: int, drift_a: Box, drift_b: Box, spacing: real):
+        """Whether blocks are one or neighbours whose normals are, and stay, so alike that nothing there can touch."""
+        away = tables.place[a] - tables.place[b]
+        ok = away[0] == 0 and wp.abs(away[1]) <= 1 and wp.abs(away[2]) <= 1
+        if ok:
+            ca, cb = scene.cones[a], scene.cones[b]
+            angle = wp.max(ca[3] + turns(drift_a, spacing), cb[3] + turns(drift_b, spacing))
+            apart = V(ca[0] - cb[0], ca[1] - cb[1], ca[2] - cb[2])
+            ok = angle + real(0.7854) * wp.length(apart) <= real(HALF_CONE)
+        return ok
+
+    @wp.func
+    def distances(low: W, high: W, box: Box):
+        """Distances of boxes from a box, along the axis where each is largest."""
+        x = most(splat(box[0]) - high[0], low[0] - splat(box[3]))
+        y = most(splat(box[1]) - high[1], low[1] - splat(box[4]))
+        z = most(splat(box[2]) - high[2], low[2] - splat(box[5]))
+        return most(x, most(y, z))
+
+    @wp.func
+    def free_share(separation: real, end: real, floor: real):
+        """How much of its way a pair may go: 1, or less if it is at risk."""
+        need = separation - real(ALLOWED) * wp.max(separation - floor, zero) - real(TOLERANCE) * separation
+        share = one
+        if end < need:
+            keep = wp.min(need, real(0.5) * separation)
+            share = wp.clamp((separation - keep) / wp.max(separation - end, tiny), zero, one)
+        return share
+
+    @wp.func
+    def point_share(tables: Tables, law: Law, scene: Scene, directions: wp.array3d(dtype=real), s: int, t: int):
+        """`free_share` of the point in slot s and triangle t."""
+        i, j = t >> 4, t & 15
+        a, b, c = tables.triangle_a[i, j], tables.triangle_b[i, j], tables.triangle_c[i, j]
+        share = one
+        if s != a and s != b and s != c:
+            x, d = at_slot(scene.points, s), at_slot(directions, s)
+            xa, xb, xc = at_slot(scene.points, a), at_slot(scene.points, b), at_slot(scene.points, c)
+            r, w = point_triangle(x, xa, xb, xc)
+            n = r / wp.max(wp.length(r), tiny)
+            sa, sb, sc = wp.dot(n, x - xa), wp.dot(n, x - xb), wp.dot(n, x - xc)
+            ea = sa + wp.dot(n, d - at_slot(directions, a))
+            eb = sb + wp.dot(n, d - at_slot(directions, b))
+            ec = sc + wp.dot(n, d - at_slot(directions, c))
+            share = free_share(wp.min(sa, wp.min(sb, sc)), wp.min(ea, wp.min(eb, ec)), law.floor)
+        return share
+
+    @wp.func
+    def edge_share(tables: Tables, law: Law, scene: Scene, directions: wp.array3d(dtype=real), e: int, g: int):
+        """`free_share` of two edges."""
+        i, j, k, m = e >> 4, e & 15, g >> 4, g & 15
+        p, q, a, b = tables.edge_a[i, j], tables.edge_b[i, j], tables.edge_a[k, m], tables.edge_b[k, m]
+        share = one
+        if p != a and p != b and q != a and q != b:
+            xp, xq, xa, xb = (
+                at_slot(scene.points, p),
+                at_slot(scene.points, q),
+                at_slot(scene.points, a),
+                at_slot(scene.points, b),
+            )
+            r, s, t = segment_segment(xp, xq, xa, xb)
+            n = r / wp.max(wp.length(r), tiny)
+            dp, dq = wp.dot(n, at_slot(directions, p)), wp.dot(n, at_slot(directions, q))
+            da, db = wp.dot(n, at_slot(directions, a)), wp.dot(n, at_slot(directions, b))
+            pa, pb, qa, qb = wp.dot(n, xp - xa), wp.dot(n, xp - xb), wp.dot(n, xq - xa), wp.dot(n, xq - xb)
+            start = wp.min(wp.min(pa, pb), wp.min(qa, qb))
+            end = wp.min(wp.min(pa + dp - da, pb + dp - db), wp.min(qa + dq - da, qb + dq - db))
+            share = free_share(start, end, law.floor)
+        return share
+
+    @wp.func
+    def risky_points(
+        tables: Tables, scene: Scene, directions: wp.array3d(dtype=real), drifts: wp.array(dtype=Box),
+        b: int, leaf: int, part: int, parts: int, row: int, found: int,
+        share_out: wp.array(dtype=real), points_out: wp.array2d(dtype=wp.int32),
+    ):  # fmt: skip
+        """Points of block b at risk with triangles of another; the number of pairs found so far."""
+        law = scene.laws[tables.body[b] * tables.bodies + tables.body[leaf]]
+        drift, other_drift = drifts[tables.leaf_box[b]], drifts[tables.leaf_box[leaf]]
+        other_box = swept(scene.boxes[tables.leaf_box[leaf]], other_drift, drift)
+        count = wp.int32(found)
+        for group in range(part, groups, parts):
+            p = load3(scene.points, 0, b, group * width)
+            near_block = distances(p, p, other_box)
+            lane = wp.int32(0)
+            while lane < width:
+                slot = group * width + lane
+                if lane1(near_block, lane) <= law.floor and slot < tables.present[b]:
+                    s = BLOCK * b + slot
+                    x, d = at_slot(scene.points, s), at_slot(directions, s)
+                    box = swept(
+                        Box(x[0], x[1], x[2], x[0], x[1], x[2]), Box(d[0], d[1], d[2], d[0], d[1], d[2]), other_drift
+                    )
+                    for i in range(tables.triangle_row_start[leaf], tables.triangle_row_start[leaf + 1]):
+                        for g in range(groups):
+                            low = load3(scene.triangle_boxes, 0, i, g * width)
+                            near = distances(low, load3(scene.triangle_boxes, 3, i, g * width), box)
+                            if min_lanes(near) <= law.floor:
+                                k = wp.int32(0)
+                                while k < width:
+                                    j = g * width + k
+                                    if lane1(near, k) <= law.floor and j < tables.triangle_count[i]:
+                                        share = point_share(tables, law, scene, directions, s, BLOCK * i + j)
+                                        if share < one:
+                                            wp.atomic_min(share_out, 0, share)
+                                            if 2 * count < points_out.shape[1]:
+                                                points_out[row, 2 * count] = s
+                                                points_out[row, 2 * count + 1] = BLOCK * i + j
+                                            count += 1
+                                    k += 1
+                lane += 1
+        return count
+
+    @wp.func
+    def risky_edges(
+        tables: Tables, scene: Scene, directions: wp.array3d(dtype=real), drifts: wp.array(dtype=Box),
+        b: int, leaf: int, part: int, parts: int, row: int, found: int,
+        share_out: wp.array(dtype=real), edges_out: wp.array2d(dtype=wp.int32),
+    ):  # fmt: skip
+        """Edges of block b at risk with later ones of another or the same; the number of pairs found so far."""
+        law = scene.laws[tables.body[b] * tables.bodies + tables.body[leaf]]
+        drift, other_drift = drifts[tables.leaf_box[b]], drifts[tables.leaf_box[leaf]]
+        other_box = swept(scene.boxes[tables.leaf_box[leaf]], other_drift, drift)
+        count = wp.int32(found)
+        first_row = tables.edge_row_start[b]
+        for group in range(part, groups * (tables.edge_row_start[b + 1] - first_row), parts):
+            edge_row, start = first_row + group // groups, (group % groups) * width
+            low, high = load3(scene.edge_boxes, 0, edge_row, start), load3(scene.edge_boxes, 3, edge_row, start)
+            near_block = distances(low, high, other_box)
+            lane = wp.int32(0)
+            while lane < width:
+                e = BLOCK * edge_row + start + lane
+                if lane1(near_block, lane) <= law.floor and start + lane < tables.edge_count[edge_row]:
+                    lo, hi = at_slot(scene.edge_boxes, e), single.load3(scene.edge_boxes, 3, edge_row, start + lane)
+                    dp = at_slot(directions, tables.edge_a[edge_row, start + lane])
+                    dq = at_slot(directions, tables.edge_b[edge_row, start + lane])
+                    own_drift = shape.grow(Box(dp[0], dp[1], dp[2], dp[0], dp[1], dp[2]), dq)
+                    box = swept(Box(lo[0], lo[1], lo[2], hi[0], hi[1], hi[2]), own_drift, other_drift)
+                    for i in range(tables.edge_row_start[leaf], tables.edge_row_start[leaf + 1]):
+                        for g in range(groups):
+                            j = g * width
+                            near = distances(load3(scene.edge_boxes, 0, i, j), load3(scene.edge_boxes, 3, i, j), box)
+                            if min_lanes(near) <= law.floor:
+                                k = wp.int32(0)
+                                while k < width:
+                                    other = BLOCK * i + j + k
+                                    if lane1(near, k) <= law.floor and e < other and j + k < tables.edge_count[i]:
+                                        share = edge_share(tables, law, scene, directions, e, other)
+                                        if share < one:
+                                            wp.atomic_min(share_out, 0, share)
+                                            if 2 * count < edges_out.shape[1]:
+                                                edges_out[row, 2 * count] = e
+                                                edges_out[row, 2 * count + 1] = other
+                                            count += 1
+                                    k += 1
+                lane += 1
+        return count
+
+    @wp.kernel(module=module)
+    def find_risks(
+        parts: int,
+        spacing: real,
+        tables: Tables,
+        scene: Scene,
+        directions: wp.array3d(dtype=real),
+        drifts: wp.array(dtype=Box),
+        lost_out: wp.array(dtype=wp.int32),
+        share_out: wp.array(dtype=real),
+        found_out: wp.array(dtype=wp.int32),
+        points_out: wp.array2d(dtype=wp.int32),
+        edges_out: wp.array2d(dtype=wp.int32),
+    ):
+        """Find all pairs at risk of which the point, or the first edge, belongs to a block.
+
+        Args:
+            parts: Threads that share a block.
+            spacing: Smallest node spacing [m].
+            tables: The tables.
+            scene: Boxes, cones and positions.
+            directions: Displacements in slots [m].
+            drifts: Boxes of the tree around them.
+            lost_out: Counts pairs that do not fit, shape (1,).
+            share_out: How much of the displacement every pair allows, shape (1,); 1 before.
+            found_out: Pairs in each row, those of points, then those of edges, shape (2 rows,).
+            points_out: Slot and triangle of each pair, shape (rows, 2 capacity).
+            edges_out: Both edges of each pair, shape (rows, 2 capacity).
+        """
+        b, part = wp.tid()
+        row = b * parts + part
+        box, drift = scene.boxes[tables.leaf_box[b]], drifts[tables.leaf_box[b]]
+        first_reach = tables.body[b] * tables.bodies
+        points_found, edges_found = wp.int32(0), wp.int32(0)
+        hits = Hits()
+        size = tables.skip.shape[0]
+        k = wp.int32(0)
+        while k < size:
+            count = wp.int32(0)
+            while k < size and count < HITS:
+                floor = scene.largest_floor
+                if tables.tree_body[k] >= 0:
+                    floor = real(scene.floors[first_reach + tables.tree_body[k]])
+                if floor >= zero and approach(box, scene.boxes[k], drift, drifts[k]) <= floor:
+                    leaf = tables.leaf[k]
+                    if leaf >= 0:
+                        if not stays_smooth(tables, scene, b, leaf, drift, drifts[k], spacing):
+                            hits[count] = leaf
+                            count += 1
+                    k += 1
+                else:
+                    k = tables.skip[k]
+            for h in range(count):
+                leaf = hits[h]
+                points_found = risky_points(
+                    tables, scene, directions, drifts, b, leaf, part, parts, row, points_found, share_out, points_out
+                )
+                if leaf >= b:
+                    edges_found = risky_edges(
+                        tables, scene, directions, drifts, b, leaf, part, parts, row, edges_found, share_out, edges_out
+                    )
+        points_kept = wp.min(points_found, points_out.shape[1] / 2)
+        edges_kept = wp.min(edges_found, edges_out.shape[1] / 2)
+        found_out[row] = points_kept
+        found_out[points_out.shape[0] + row] = edges_kept
+        lost = points_found - points_kept + edges_found - edges_kept
+        if lost > 0:
+            wp.atomic_add(lost_out, 0, lost)
+
+    return SimpleNamespace(module=module, find_risks=find_risks)
+
+
+@functools.cache
+def contact_impulses(real: Any) -> SimpleNamespace:
+    """What takes risks away, for one precision: `Wall`, the plane of a pair, and the kernels."""
+    words = lanes(1, real)
+    V, store3 = words.V, words.store3
+    geometry, Law, at_slot = closest(1, real), contact_law(real), box_words(real).at_slot
+    point_triangle, segment_segment = geometry.point_triangle, geometry.segment_segment
+    W = wp.types.vector(4, real)
+    zero, one, tiny = real(0.0), real(1.0), real(1e-30)
+    module = kernel_module("contact_impulses", 1, real)
+
+    @wp.struct
+    class Wall:
+        """The dividing plane of a pair.
+
+        Attributes:
+            n: Unit normal, towards the first side.
+            heights: Of the corners along it, from the first corner on [m].
+            need: Separation that the pair is to keep [m].
+        """
+
+        n: V
+        heights: W
+        need: real
+
+    @wp.kernel(module=module)
+    def raise_walls(
+        threads: int,
+        counts: wp.array(dtype=wp.int32),
+        pairs: wp.array(dtype=Pair),
+        laws: wp.array(dtype=Law),
+        points: wp.array3d(dtype=real),
+        walls_out: wp.array(dtype=Wall),
+    ):
+        k = wp.tid()
+        while k < counts[LENGTH]:
+            pair = pairs[k]
+            xa, xb = at_slot(points, pair.a), at_slot(points, pair.b)
+            xc, xd = at_slot(points, pair.c), at_slot(points, pair.d)
+            wall = Wall()
+            r = V()
+            if pair.edges == 1:
+                r, s, t = segment_segment(xa, xb, xc, xd)
+            else:
+                r, w = point_triangle(xa, xb, xc, xd)
+            n = r / wp.max(wp.length(r), tiny)
+            b, c, d = wp.dot(n, xb - xa), wp.dot(n, xc - xa), wp.dot(n, xd - xa)
+            separation = wp.min(-c, -d)
+            if pair.edges == 1:
+                separation = wp.min(separation, wp.min(b - c, b - d))
+            else:
+                separation = wp.min(separation, -b)
+            wall.n = n
+            wall.heights = W(zero, b, c, d)
+            wall.need = separation - real(TARGET) * wp.max(separation - laws[pair.law].floor, zero)
+            walls_out[k] = wall
+            k += threads
+
+    @wp.func
+    def push_apart(u: W, amounts: W, i: int, j: int, need: real, wi: real, wj: real):
+        """Give corners i and j, of inverse masses wi and wj, what keeps their heights u apart; the amounts so far."""
+        lacking = need - (u[i] + amounts[i]) + (u[j] + amounts[j])
+        pushed = amounts
+        if lacking > zero and wi + wj > zero:
+            pushed[i] = pushed[i] + lacking * wi / (wi + wj)
+            pushed[j] = pushed[j] - lacking * wj / (wi + wj)
+        return pushed
+
+    @wp.kernel(module=module)
+    def find_impulses(
+        threads: int,
+        counts: wp.array(dtype=wp.int32),
+        pairs: wp.array(dtype=Pair),
+        walls: wp.array(dtype=Wall),
+        starts: wp.array(dtype=wp.int32),
+        inverse_masses: wp.array(dtype=real),
+        directions: wp.array3d(dtype=real),
+        amounts_out: wp.array(dtype=W),
+    ):
+        """What each corner of each pair is to go along n [m]."""
+        k = wp.tid()
+        while k < counts[LENGTH]:
+            pair, wall = pairs[k], walls[k]
+            n = wall.n
+            u = wall.heights + W(
+                wp.dot(n, at_slot(directions, pair.a)), wp.dot(n, at_slot(directions, pair.b)),
+                wp.dot(n, at_slot(directions, pair.c)), wp.dot(n, at_slot(directions, pair.d)),
+            )  # fmt: skip
+            wa, wb = inverse_masses[pair.a], inverse_masses[pair.b]
+            wc, wd = inverse_masses[pair.c], inverse_masses[pair.d]
+            amounts = W()
+            if pair.edges == 1:
+                amounts = push_apart(u, amounts, 0, 2, wall.need, wa, wc)
+                amounts = push_apart(u, amounts, 1, 3, wall.need, wb, wd)
+                amounts = push_apart(u, amounts, 0, 3, wall.need, wa, wd)
+                amounts = push_apart(u, amounts, 1, 2, wall.need, wb, wc)
+            else:
+                amounts = push_apart(u, amounts, 0, 1, wall.need, wa, wb)
+                amounts = push_apart(u, amounts, 0, 2, wall.need, wa, wc)
+                amounts = push_apart(u, amounts, 0, 3, wall.need, wa, wd)
+            most = wp.max(starts[pair.a + 1] - starts[pair.a], starts[pair.b + 1] - starts[pair.b])
+            most = wp.max(most, starts[pair.c + 1] - starts[pair.c])
+            most = wp.max(most, starts[pair.d + 1] - starts[pair.d])
+            amounts_out[k] = amounts / real(most)
+            k += threads
+
+    @wp.kernel(module=module)
+    def give_impulses(
+        starts: wp.array(dtype=wp.int32),
+        entries: wp.array(dtype=wp.int32),
+        walls: wp.array(dtype=Wall),
+        amounts: wp.array(dtype=W),
+        directions_out: wp.array3d(dtype=real),
+    ):
+        """Every slot goes along the normals of its pairs."""
+        s = wp.tid()
+        if starts[s + 1] > starts[s]:
+            d = at_slot(directions_out, s)
+            for k in range(starts[s], starts[s + 1]):
+                pair = entries[k] >> 2
+                d += amounts[pair][entries[k] & 3] * walls[pair].n
+            store3(directions_out, 0, s >> 4, s & 15, d)
+
+    @wp.kernel(module=module)
+    def return_directions(
+        halo: int,
+        slots: wp.array2d(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        directions: wp.array3d(dtype=real),
+        direction_out: wp.array3d(dtype=real),
+    ):
+        """Bring what has changed back to the nodes of a body."""
+        row, column = wp.tid()
+        i, j = row + 1, column + halo
+        s = slots[i, j]
+        if s >= 0 and starts[s + 1] > starts[s]:
+            store3(direction_out, 0, i, j, at_slot(directions, s))
+
+    @wp.kernel(module=module)
+    def begin_guard(state_out: wp.array(dtype=wp.int32)):
+        state_out[ACTIVE] = 1
+        state_out[ROUND] = 0
+        state_out[LIMITED] = 0
+
+    @wp.kernel(module=module)
+    def begin_round(share_out: wp.array(dtype=real)):
+        share_out[0] = one
+
+    @wp.kernel(module=module)
+    def judge_round(
+        rounds: int, counts: wp.array(dtype=wp.int32), share: wp.array(dtype=real), state_out: wp.array(dtype=wp.int32)
+    ):
+        """Go on while there are risks and rounds left; then they are cut off with the whole displacement."""
+        state_out[ROUND] = state_out[ROUND] + 1
+        risks = share[0] < one
+        if state_out[ROUND] > rounds or not risks:
+            state_out[ACTIVE] = 0
+            if risks:
+                state_out[LIMITED] = 1
+                state_out[SHORTENED] = state_out[SHORTENED] + 1
+        if risks and state_out[ROUND] == 1:
+            state_out[CUT] = state_out[CUT] + counts[LENGTH]
+
+    @wp.kernel(module=module)
+    def shorten(halo: int, share: wp.array(dtype=real), direction_out: wp.array3d(dtype=real)):
+        """Multiply a vector with what every pair allows."""
+        row, column = wp.tid()
+        i, j = row + 1, column + halo
+        store3(direction_out, 0, i, j, share[0] * words.load3(direction_out, 0, i, j))
+
+    return SimpleNamespace(
+        module=module,
+        Wall=Wall,
+        Amounts=W,
+        raise_walls=raise_walls,
+        find_impulses=find_impulses,
+        give_impulses=give_impulses,
+        return_directions=return_directions,
+        begin_guard=begin_guard,
+        begin_round=begin_round,
+        judge_round=judge_round,
+        shorten=shorten,
+    )
