@@ -38,6 +38,10 @@ def closest(width: int, real: Any) -> SimpleNamespace:
         return most(splat(zero), least(splat(one), div(dot3(q, d), at_least(dot3(d, d), tiny))))
 
     @wp.func
+    def one_minus(a: L):
+        return splat(one) - a
+
+    @wp.func
     def point_triangle(p: V, a: V, b: V, c: V):
         ab, ac, ap = b - a, c - a, p - a
         bc, bp = c - b, p - b
@@ -47,12 +51,10 @@ def closest(width: int, real: Any) -> SimpleNamespace:
         d_ab, d_ac, d_bc = dot3(r_ab, r_ab), dot3(r_ac, r_ac), dot3(r_bc, r_bc)
         r = where3(d_ab - d_ac, r_ac, r_ab)
         nothing = splat(zero)
-        weights = where3(
-            d_ab - d_ac, vector(splat(one) - t_ac, nothing, t_ac), vector(splat(one) - t_ab, t_ab, nothing)
-        )
+        weights = where3(d_ab - d_ac, vector(one_minus(t_ac), nothing, t_ac), vector(one_minus(t_ab), t_ab, nothing))
         best = least(d_ab, d_ac)
         r = where3(best - d_bc, r_bc, r)
-        weights = where3(best - d_bc, vector(nothing, splat(one) - t_bc, t_bc), weights)
+        weights = where3(best - d_bc, vector(nothing, one_minus(t_bc), t_bc), weights)
         # The inside, where p lies over it.
         n = cross3(ab, ac)
         area = dot3(n, n)
@@ -70,14 +72,29 @@ def closest(width: int, real: Any) -> SimpleNamespace:
     @wp.func
     def segment_segment(p: V, q: V, a: V, b: V):
         d, e, r = q - p, b - a, p - a
-        dd, ee, de = at_least(dot3(d, d), tiny), at_least(dot3(e, e), tiny), dot3(d, e)
-        dr, er = dot3(d, r), dot3(e, r)
-        determinant = mul(dd, ee) - mul(de, de)
+        # The best of the four ends, with the closest point of the other segment.
+        t_p, t_q, s_a, s_b = share(r, e), share(q - a, e), share(a - p, d), share(b - p, d)
+        r_p, r_q, r_a, r_b = r - scale(t_p, e), q - a - scale(t_q, e), scale(s_a, d) + r, scale(s_b, d) + (p - b)
+        d_p, d_q, d_a, d_b = dot3(r_p, r_p), dot3(r_q, r_q), dot3(r_a, r_a), dot3(r_b, r_b)
+        shortest = least(least(d_p, d_q), least(d_a, d_b))
         floor, ceiling = splat(zero), splat(one)
-        s = div(mul(de, er) - mul(ee, dr), at_least(determinant, tiny))
-        s = most(floor, least(ceiling, where1(determinant - real(1e-6) * mul(dd, ee), s, splat(real(0.5)))))
-        t = most(floor, least(ceiling, div(mul(de, s) + er, ee)))
-        s = most(floor, least(ceiling, div(mul(de, t) - dr, dd)))
-        return r + scale(s, d) - scale(t, e), s, t
+        q_wins = d_p - d_q
+        s, t, best = where1(q_wins, ceiling, floor), where1(q_wins, t_q, t_p), least(d_p, d_q)
+        closest = where3(q_wins, r_q, r_p)
+        b_wins = d_a - d_b
+        first_wins = least(d_a, d_b) - best
+        s, t = where1(first_wins, s, where1(b_wins, s_b, s_a)), where1(first_wins, t, where1(b_wins, ceiling, floor))
+        closest = where3(first_wins, closest, where3(b_wins, r_b, r_a))
+        # Or both inside, where that is shorter; along the common normal, which is exact however near they are.
+        dd, ee, de, dr, er = dot3(d, d), dot3(e, e), dot3(d, e), dot3(d, r), dot3(e, r)
+        determinant = mul(dd, ee) - mul(de, de)
+        inverse = div(splat(one), at_least(determinant, tiny))
+        s_in, t_in = mul(mul(de, er) - mul(ee, dr), inverse), mul(mul(dd, er) - mul(de, dr), inverse)
+        inside = least(least(s_in, one_minus(s_in)), least(t_in, one_minus(t_in)))
+        normal = cross3(d, e)
+        r_in = scale(mul(dot3(r, normal), inverse), normal)
+        inside = least(inside, shortest - dot3(r_in, r_in))
+        closest = where3(inside, r_in, closest)
+        return closest, where1(inside, s_in, s), where1(inside, t_in, t)
 
     return SimpleNamespace(point_triangle=point_triangle, segment_segment=segment_segment, share=share)

@@ -38,6 +38,8 @@ ALLOWED = 0.9
 """Share of its separation above the floor that a pair may lose in one update."""
 TARGET = 0.7
 """The same, for what impulses aim at: a margin for what they do to each other."""
+RECOVERY = 1.5
+"""What impulses aim at for a pair below the floor, in separations."""
 TOLERANCE = 1e-3
 """Share of the separation that a pair below the floor may lose all the same: so that round-off is no risk."""
 HALF_CONE = 1.047
@@ -385,7 +387,10 @@ def contact_impulses(real: Any) -> SimpleNamespace:
                 separation = wp.min(separation, -b)
             wall.n = n
             wall.heights = W(zero, b, c, d)
-            wall.need = separation - real(TARGET) * wp.max(separation - laws[pair.law].floor, zero)
+            floor = laws[pair.law].floor
+            wall.need = separation - real(TARGET) * wp.max(separation - floor, zero)
+            if separation < floor:
+                wall.need = wp.min(floor, real(RECOVERY) * separation)
             walls_out[k] = wall
             k += threads
 
@@ -481,9 +486,12 @@ def contact_impulses(real: Any) -> SimpleNamespace:
 
     @wp.kernel(module=module)
     def judge_round(
-        rounds: int, counts: wp.array(dtype=wp.int32), share: wp.array(dtype=real), state_out: wp.array(dtype=wp.int32)
+        rounds: int,
+        counts: wp.array(dtype=wp.int32),
+        share: wp.array(dtype=real),
+        state_out: wp.array(dtype=wp.int32),
     ):
-        """Go on while there are risks and rounds left; then they are cut off with the whole displacement."""
+        """Go on while there are risks and rounds left; then the whole displacement is shortened."""
         state_out[ROUND] = state_out[ROUND] + 1
         risks = share[0] < one
         if state_out[ROUND] > rounds or not risks:

@@ -26,8 +26,8 @@ PAIRS_PER_NODE = 3
 """Pairs that the whole scene may have, per node."""
 RISKS_PER_NODE = 2
 """Pairs at risk that the guard takes on at a time, per node."""
-ROUNDS = 12
-"""How often the guard gives impulses and looks again before it shortens everything."""
+ROUNDS = 16
+"""How often the guard looks for pairs at risk before it shortens everything."""
 SWEEPS = 6
 """How often the pairs at risk are given impulses before they are looked for again."""
 FLOOR = 0.02
@@ -238,10 +238,22 @@ class ContactSystem:
             self.directions, self._drifts, self.risks.lost, self._share, found.numbers, found.points, found.edges,
         )  # fmt: skip
         self.risks.pack(self._tables)
-        self._alone(self._impulses.judge_round, 1, ROUNDS, self.risks.counts, self._share, self.guard_state)
+        self._alone(
+            self._impulses.judge_round, 1, ROUNDS, self.risks.counts, self._share, self.guard_state
+        )
         choose(self._guard_active, lambda: self._push(position, direction), None)
 
     def _push(self, position: str, direction: str) -> None:
+        risks = self.risks
+        self._give_impulses()
+        for k, body in enumerate(self.bodies):
+            inputs = (self._node_slots[k], risks.starts, self.directions, getattr(body, direction))
+            layout = body.layout
+            launch_nodes(self._impulses.return_directions, layout, layout.halo, *inputs, device=self.device)
+        for term, body in self.other_guards:
+            term.guard(body, getattr(body, position), getattr(body, direction))
+
+    def _give_impulses(self) -> None:
         risks, slots = self.risks, self.mesh.slot_count
         listed = (risks.threads, risks.counts, risks.pairs)
         self._alone(self._impulses.raise_walls, risks.threads, *listed, self._laws, self.points, self._walls)
@@ -254,12 +266,6 @@ class ContactSystem:
                 self._impulses.give_impulses, slots, risks.starts, risks.entries, self._walls, self._amounts,
                 self.directions,
             )  # fmt: skip
-        for k, body in enumerate(self.bodies):
-            inputs = (self._node_slots[k], risks.starts, self.directions, getattr(body, direction))
-            layout = body.layout
-            launch_nodes(self._impulses.return_directions, layout, layout.halo, *inputs, device=self.device)
-        for term, body in self.other_guards:
-            term.guard(body, getattr(body, position), getattr(body, direction))
 
     def _shorten(self, direction: str) -> None:
         for body in self.bodies:
