@@ -22,8 +22,8 @@ ANY_WAY = 4.0
 """Half angle of a cone that holds every direction."""
 FLAT = 0.15
 """Half angle of the normals of a block below which it has no sharp edge inside."""
-SHARP = -0.98
-"""Cosine between the triangles on both sides of an edge above which the edge is sharp: folded by 11 degrees."""
+SHARP = -0.87
+"""Cosine between the triangles on both sides of an edge above which the edge is sharp: folded by 30 degrees."""
 
 
 @wp.struct
@@ -94,6 +94,12 @@ def box_words(real: Any) -> SimpleNamespace:
         return wp.max(x, wp.max(y, z))
 
     @wp.func
+    def box_at(boxes: wp.array3d(dtype=real), k: int):
+        """Box number k of rows of 16."""
+        low, high = words.load3(boxes, 0, k >> 4, k & 15), words.load3(boxes, 3, k >> 4, k & 15)
+        return Box(low[0], low[1], low[2], high[0], high[1], high[2])
+
+    @wp.func
     def smooth(tables: Tables, cones: wp.array(dtype=Cone), a: int, b: int):
         """Whether blocks are one or neighbours and their normals so alike that nothing there can touch."""
         away = tables.place[a] - tables.place[b]
@@ -105,7 +111,27 @@ def box_words(real: Any) -> SimpleNamespace:
             ok = wp.max(ca[3], cb[3]) + real(0.7854) * wp.length(apart) <= real(HALF_CONE)
         return ok
 
-    return SimpleNamespace(Box=Box, Cone=Cone, at_slot=at_slot, grow=grow, union=union, between=between, smooth=smooth)
+    return SimpleNamespace(
+        Box=Box, Cone=Cone, at_slot=at_slot, grow=grow, union=union, between=between, box_at=box_at, smooth=smooth
+    )
+
+
+@functools.cache
+def box_distances(width: int, real: Any) -> Any:
+    """The device function that gives the distances of a group of boxes, by their corners, from one box."""
+    words = lanes(width, real)
+    V, most, splat = words.V, words.most, words.splat
+    Box = box_words(real).Box
+
+    @wp.func
+    def distances(low: V, high: V, box: Box):
+        """Along the axis where each is largest; negative where they overlap."""
+        x = most(splat(box[0]) - high[0], low[0] - splat(box[3]))
+        y = most(splat(box[1]) - high[1], low[1] - splat(box[4]))
+        z = most(splat(box[2]) - high[2], low[2] - splat(box[5]))
+        return most(x, most(y, z))
+
+    return distances
 
 
 @functools.cache

@@ -17,7 +17,7 @@ from typing import Any
 
 import warp as wp
 
-from warpdeform.kernels.boxes import box_words
+from warpdeform.kernels.boxes import BLOCK, box_words
 from warpdeform.kernels.contact_geometry import closest
 from warpdeform.kernels.contact_law import contact_law
 from warpdeform.kernels.contact_lists import LENGTH, Pair, corner_of
@@ -27,14 +27,19 @@ from warpdeform.kernels.potential import potential
 CLOSE = 0.1
 """Range of edges that feel each other only when very close, as a share of that of the field, and their weight."""
 
+# Entries of the int32 state of a list: whether nodes have moved too far for it, whether the boxes are around them.
+STALE = wp.constant(0)
+FITTED = wp.constant(1)
+LIST_STATE = 2
+
 
 @functools.cache
 def contact(real: Any) -> SimpleNamespace:
     """The kernels for one precision, and `Push`, what a pair does at a Newton iterate."""
     words = lanes(1, real)
-    V, S, load3, add3, add6, store3 = words.V, words.S, words.load3, words.add3, words.add6, words.store3
-    outer, scale6, apply6 = words.outer, words.scale6, words.apply6
-    geometry, Law, at_slot = closest(1, real), contact_law(real), box_words(real).at_slot
+    V, S, load3, add3, add6 = words.V, words.S, words.load3, words.add3, words.add6
+    outer, apply6 = words.outer, words.apply6
+    geometry, Law, at_slot = closest(real), contact_law(real), box_words(real).at_slot
     point_triangle, segment_segment = geometry.point_triangle, geometry.segment_segment
     exponential = potential(real)
     W = wp.types.vector(4, real)
@@ -46,12 +51,10 @@ def contact(real: Any) -> SimpleNamespace:
         """What a pair does at a Newton iterate.
 
         Attributes:
-            w: Weights of the corners.
             gradient: Derivative of the energy by r [N].
             block: Derivative of that by r, positive semi-definite [N/m].
         """
 
-        w: W
         gradient: V
         block: S
 
@@ -111,8 +114,10 @@ def contact(real: Any) -> SimpleNamespace:
         laws: wp.array(dtype=Law),
         weights: wp.array(dtype=real),
         points: wp.array3d(dtype=real),
+        shares_out: wp.array(dtype=W),
         pushes_out: wp.array(dtype=Push),
     ):
+        """The weights of the corners of each pair, and what it does."""
         k = wp.tid()
         while k < counts[LENGTH]:
             pair = pairs[k]
@@ -121,7 +126,7 @@ def contact(real: Any) -> SimpleNamespace:
             n = r / wp.max(distance, real(1e-30))
             phi = density(pair, laws[pair.law], distance)
             push = Push()
-            push.w = w
+            shares_out[k] = w
             push.gradient = weights[k] * phi[1] * n
             push.block = weights[k] * phi[2] * outer(n, n)
             pushes_out[k] = push
@@ -157,11 +162,29 @@ def contact(real: Any) -> SimpleNamespace:
         partials_out[1, halo] = partials_out[1, halo] + total
 
     @wp.kernel(module=module)
+    def sum_diagonal(
+        starts: wp.array(dtype=wp.int32),
+        entries: wp.array(dtype=wp.int32),
+        shares: wp.array(dtype=W),
+        pushes: wp.array(dtype=Push),
+        diagonal_out: wp.array(dtype=S),
+    ):
+        """The diagonal block of each slot that has pairs."""
+        s = wp.tid()
+        if starts[s + 1] > starts[s]:
+            b = S()
+            for k in range(starts[s], starts[s + 1]):
+                w = shares[entries[k] >> 2][entries[k] & 3]
+                b += w * w * pushes[entries[k] >> 2].block
+            diagonal_out[s] = b
+
+    @wp.kernel(module=module)
     def add_pair_gradients(
         halo: int,
         slots: wp.array2d(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
         entries: wp.array(dtype=wp.int32),
+        shares: wp.array(dtype=W),
         pushes: wp.array(dtype=Push),
         gradient_out: wp.array3d(dtype=real),
     ):
@@ -171,8 +194,7 @@ def contact(real: Any) -> SimpleNamespace:
         if s >= 0 and starts[s + 1] > starts[s]:
             g = V()
             for k in range(starts[s], starts[s + 1]):
-                push = pushes[entries[k] >> 2]
-                g += push.w[entries[k] & 3] * push.gradient
+                g += shares[entries[k] >> 2][entries[k] & 3] * pushes[entries[k] >> 2].gradient
             add3(gradient_out, 0, i, j, g)
 
     @wp.kernel(module=module)
@@ -180,26 +202,21 @@ def contact(real: Any) -> SimpleNamespace:
         halo: int,
         slots: wp.array2d(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
-        entries: wp.array(dtype=wp.int32),
-        pushes: wp.array(dtype=Push),
+        diagonal: wp.array(dtype=S),
         blocks_out: wp.array3d(dtype=real),
     ):
         row, column = wp.tid()
         i, j = row + 1, column + halo
         s = slots[i, j]
         if s >= 0 and starts[s + 1] > starts[s]:
-            b = S()
-            for k in range(starts[s], starts[s + 1]):
-                push = pushes[entries[k] >> 2]
-                w = push.w[entries[k] & 3]
-                b += w * w * push.block
-            add6(blocks_out, 0, i, j, b)
+            add6(blocks_out, 0, i, j, diagonal[s])
 
     @wp.kernel(module=module)
     def multiply_pairs(
         threads: int,
         counts: wp.array(dtype=wp.int32),
         pairs: wp.array(dtype=Pair),
+        shares: wp.array(dtype=W),
         pushes: wp.array(dtype=Push),
         directions: wp.array3d(dtype=real),
         pulls_out: wp.array(dtype=V),
@@ -207,11 +224,10 @@ def contact(real: Any) -> SimpleNamespace:
         """Block times the change of r."""
         k = wp.tid()
         while k < counts[LENGTH]:
-            pair = pairs[k]
-            push = pushes[k]
-            change = push.w[0] * at_slot(directions, pair.a) + push.w[1] * at_slot(directions, pair.b)
-            change += push.w[2] * at_slot(directions, pair.c) + push.w[3] * at_slot(directions, pair.d)
-            pulls_out[k] = apply6(push.block, change)
+            pair, w = pairs[k], shares[k]
+            change = w[0] * at_slot(directions, pair.a) + w[1] * at_slot(directions, pair.b)
+            change += w[2] * at_slot(directions, pair.c) + w[3] * at_slot(directions, pair.d)
+            pulls_out[k] = apply6(pushes[k].block, change)
             k += threads
 
     @wp.kernel(module=module)
@@ -220,8 +236,9 @@ def contact(real: Any) -> SimpleNamespace:
         slots: wp.array2d(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
         entries: wp.array(dtype=wp.int32),
-        pushes: wp.array(dtype=Push),
+        shares: wp.array(dtype=W),
         pulls: wp.array(dtype=V),
+        diagonal: wp.array(dtype=S),
         direction: wp.array3d(dtype=real),
         product_out: wp.array3d(dtype=real),
     ):
@@ -230,18 +247,50 @@ def contact(real: Any) -> SimpleNamespace:
         i, j = row + 1, column + halo
         s = slots[i, j]
         if s >= 0 and starts[s + 1] > starts[s]:
-            p = load3(direction, 0, i, j)
-            q = V()
+            q = -apply6(diagonal[s], load3(direction, 0, i, j))
             for k in range(starts[s], starts[s + 1]):
-                push = pushes[entries[k] >> 2]
-                w = push.w[entries[k] & 3]
-                q += w * (pulls[entries[k] >> 2] - w * apply6(push.block, p))
+                q += shares[entries[k] >> 2][entries[k] & 3] * pulls[entries[k] >> 2]
             add3(product_out, 0, i, j, q)
+
+    @wp.kernel(module=module)
+    def begin_move(move_out: wp.array(dtype=real)):
+        move_out[0] = zero
+
+    @wp.kernel(module=module)
+    def measure_move(points: wp.array3d(dtype=real), listed: wp.array3d(dtype=real), move_out: wp.array(dtype=real)):
+        """Largest way that a slot has gone along an axis since the list was made."""
+        b = wp.tid()
+        most = zero
+        for k in range(BLOCK):
+            for c in range(3):
+                most = wp.max(most, wp.abs(points[c, b, k] - listed[c, b, k]))
+        wp.atomic_max(move_out, 0, most)
+
+    @wp.kernel(module=module)
+    def judge_move(slack: real, move: wp.array(dtype=real), state_out: wp.array(dtype=wp.int32)):
+        """Whether the list is stale, and whether the boxes fit: those of a new list do, or if nothing has moved."""
+        stale = not (move[0] <= slack)
+        state_out[STALE] = wp.where(stale, 1, 0)
+        state_out[FITTED] = wp.where(stale or move[0] == zero, 1, 0)
+
+    @wp.kernel(module=module)
+    def keep_points(points: wp.array3d(dtype=real), listed_out: wp.array3d(dtype=real)):
+        b = wp.tid()
+        for k in range(BLOCK):
+            for c in range(3):
+                listed_out[c, b, k] = points[c, b, k]
 
     return SimpleNamespace(
         module=module,
         Push=Push,
+        Shares=W,
         V=V,
+        S=S,
+        sum_diagonal=sum_diagonal,
+        begin_move=begin_move,
+        measure_move=measure_move,
+        judge_move=judge_move,
+        keep_points=keep_points,
         weigh_pairs=weigh_pairs,
         linearise_pairs=linearise_pairs,
         pair_energies=pair_energies,

@@ -25,7 +25,7 @@ from typing import Any
 
 import warp as wp
 
-from warpdeform.kernels.boxes import BLOCK, Tables, box_words
+from warpdeform.kernels.boxes import BLOCK, Tables, box_distances, box_words
 from warpdeform.kernels.contact_geometry import closest
 from warpdeform.kernels.contact_law import contact_law
 from warpdeform.kernels.contact_lists import LENGTH, Pair
@@ -59,13 +59,12 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
     """The search for pairs at risk, for one lane width and precision."""
     words, single = lanes(width, real), lanes(1, real)
     V, load3 = single.V, words.load3
-    splat, lane1, min_lanes = words.splat, words.lane1, words.min_lanes
-    most = words.most
-    exact = closest(1, real)
+    most, splat, below, first_lane = words.most, words.splat, words.below, words.first_lane
+    exact = closest(real)
     point_triangle, segment_segment = exact.point_triangle, exact.segment_segment
     shape, Law, Scene = box_words(real), contact_law(real), contact_search(width, real).Scene
     Box, at_slot = shape.Box, shape.at_slot
-    W = words.V
+    distances = box_distances(width, real)
     Hits = wp.types.vector(HITS, wp.int32)
     groups = BLOCK // width
     zero, one, tiny = real(0.0), real(1.0), real(1e-30)
@@ -113,14 +112,6 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
             apart = V(ca[0] - cb[0], ca[1] - cb[1], ca[2] - cb[2])
             ok = angle + real(0.7854) * wp.length(apart) <= real(HALF_CONE)
         return ok
-
-    @wp.func
-    def distances(low: W, high: W, box: Box):
-        """Distances of boxes from a box, along the axis where each is largest."""
-        x = most(splat(box[0]) - high[0], low[0] - splat(box[3]))
-        y = most(splat(box[1]) - high[1], low[1] - splat(box[4]))
-        z = most(splat(box[2]) - high[2], low[2] - splat(box[5]))
-        return most(x, most(y, z))
 
     @wp.func
     def free_share(separation: real, end: real, floor: real):
@@ -186,34 +177,31 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
         count = wp.int32(found)
         for group in range(part, groups, parts):
             p = load3(scene.points, 0, b, group * width)
-            near_block = distances(p, p, other_box)
-            lane = wp.int32(0)
-            while lane < width:
-                slot = group * width + lane
-                if lane1(near_block, lane) <= law.floor and slot < tables.present[b]:
+            near_block = below(distances(p, p, other_box), law.floor)
+            while near_block != 0:
+                slot = group * width + first_lane(near_block)
+                near_block = near_block & (near_block - 1)
+                if slot < tables.present[b]:
                     s = BLOCK * b + slot
                     x, d = at_slot(scene.points, s), at_slot(directions, s)
-                    box = swept(
-                        Box(x[0], x[1], x[2], x[0], x[1], x[2]), Box(d[0], d[1], d[2], d[0], d[1], d[2]), other_drift
-                    )
+                    own_drift = Box(d[0], d[1], d[2], d[0], d[1], d[2])
+                    box = swept(Box(x[0], x[1], x[2], x[0], x[1], x[2]), own_drift, other_drift)
                     for i in range(tables.triangle_row_start[leaf], tables.triangle_row_start[leaf + 1]):
                         for g in range(groups):
                             low = load3(scene.triangle_boxes, 0, i, g * width)
-                            near = distances(low, load3(scene.triangle_boxes, 3, i, g * width), box)
-                            if min_lanes(near) <= law.floor:
-                                k = wp.int32(0)
-                                while k < width:
-                                    j = g * width + k
-                                    if lane1(near, k) <= law.floor and j < tables.triangle_count[i]:
-                                        share = point_share(tables, law, scene, directions, s, BLOCK * i + j)
-                                        if share < one:
-                                            wp.atomic_min(share_out, 0, share)
-                                            if 2 * count < points_out.shape[1]:
-                                                points_out[row, 2 * count] = s
-                                                points_out[row, 2 * count + 1] = BLOCK * i + j
-                                            count += 1
-                                    k += 1
-                lane += 1
+                            high = load3(scene.triangle_boxes, 3, i, g * width)
+                            near = below(distances(low, high, box), law.floor)
+                            while near != 0:
+                                j = g * width + first_lane(near)
+                                near = near & (near - 1)
+                                if j < tables.triangle_count[i]:
+                                    share = point_share(tables, law, scene, directions, s, BLOCK * i + j)
+                                    if share < one:
+                                        wp.atomic_min(share_out, 0, share)
+                                        if 2 * count < points_out.shape[1]:
+                                            points_out[row, 2 * count] = s
+                                            points_out[row, 2 * count + 1] = BLOCK * i + j
+                                        count += 1
         return count
 
     @wp.func
@@ -231,34 +219,35 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
         for group in range(part, groups * (tables.edge_row_start[b + 1] - first_row), parts):
             edge_row, start = first_row + group // groups, (group % groups) * width
             low, high = load3(scene.edge_boxes, 0, edge_row, start), load3(scene.edge_boxes, 3, edge_row, start)
-            near_block = distances(low, high, other_box)
-            lane = wp.int32(0)
-            while lane < width:
-                e = BLOCK * edge_row + start + lane
-                if lane1(near_block, lane) <= law.floor and start + lane < tables.edge_count[edge_row]:
-                    lo, hi = at_slot(scene.edge_boxes, e), single.load3(scene.edge_boxes, 3, edge_row, start + lane)
-                    dp = at_slot(directions, tables.edge_a[edge_row, start + lane])
-                    dq = at_slot(directions, tables.edge_b[edge_row, start + lane])
+            near_block = below(distances(low, high, other_box), law.floor)
+            while near_block != 0:
+                k = start + first_lane(near_block)
+                near_block = near_block & (near_block - 1)
+                if k < tables.edge_count[edge_row]:
+                    e = BLOCK * edge_row + k
+                    dp, dq = (
+                        at_slot(directions, tables.edge_a[edge_row, k]),
+                        at_slot(directions, tables.edge_b[edge_row, k]),
+                    )
                     own_drift = shape.grow(Box(dp[0], dp[1], dp[2], dp[0], dp[1], dp[2]), dq)
-                    box = swept(Box(lo[0], lo[1], lo[2], hi[0], hi[1], hi[2]), own_drift, other_drift)
+                    box = swept(shape.box_at(scene.edge_boxes, e), own_drift, other_drift)
                     for i in range(tables.edge_row_start[leaf], tables.edge_row_start[leaf + 1]):
                         for g in range(groups):
                             j = g * width
-                            near = distances(load3(scene.edge_boxes, 0, i, j), load3(scene.edge_boxes, 3, i, j), box)
-                            if min_lanes(near) <= law.floor:
-                                k = wp.int32(0)
-                                while k < width:
-                                    other = BLOCK * i + j + k
-                                    if lane1(near, k) <= law.floor and e < other and j + k < tables.edge_count[i]:
-                                        share = edge_share(tables, law, scene, directions, e, other)
-                                        if share < one:
-                                            wp.atomic_min(share_out, 0, share)
-                                            if 2 * count < edges_out.shape[1]:
-                                                edges_out[row, 2 * count] = e
-                                                edges_out[row, 2 * count + 1] = other
-                                            count += 1
-                                    k += 1
-                lane += 1
+                            near_by = distances(load3(scene.edge_boxes, 0, i, j), load3(scene.edge_boxes, 3, i, j), box)
+                            near = below(near_by, law.floor)
+                            while near != 0:
+                                m = j + first_lane(near)
+                                near = near & (near - 1)
+                                other = BLOCK * i + m
+                                if e < other and m < tables.edge_count[i]:
+                                    share = edge_share(tables, law, scene, directions, e, other)
+                                    if share < one:
+                                        wp.atomic_min(share_out, 0, share)
+                                        if 2 * count < edges_out.shape[1]:
+                                            edges_out[row, 2 * count] = e
+                                            edges_out[row, 2 * count + 1] = other
+                                        count += 1
         return count
 
     @wp.kernel(module=module)
@@ -269,6 +258,7 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
         scene: Scene,
         directions: wp.array3d(dtype=real),
         drifts: wp.array(dtype=Box),
+        stirred: wp.array(dtype=wp.int32),
         lost_out: wp.array(dtype=wp.int32),
         share_out: wp.array(dtype=real),
         found_out: wp.array(dtype=wp.int32),
@@ -284,6 +274,7 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
             scene: Boxes, cones and positions.
             directions: Displacements in slots [m].
             drifts: Boxes of the tree around them.
+            stirred: 1 for blocks whose displacements have changed since all pairs were looked at.
             lost_out: Counts pairs that do not fit, shape (1,).
             share_out: How much of the displacement every pair allows, shape (1,); 1 before.
             found_out: Pairs in each row, those of points, then those of edges, shape (2 rows,).
@@ -306,7 +297,7 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
                     floor = real(scene.floors[first_reach + tables.tree_body[k]])
                 if floor >= zero and approach(box, scene.boxes[k], drift, drifts[k]) <= floor:
                     leaf = tables.leaf[k]
-                    if leaf >= 0:
+                    if leaf >= 0 and stirred[b] + stirred[leaf] > 0:
                         if not stays_smooth(tables, scene, b, leaf, drift, drifts[k], spacing):
                             hits[count] = leaf
                             count += 1
@@ -338,7 +329,7 @@ def contact_impulses(real: Any) -> SimpleNamespace:
     """What takes risks away, for one precision: `Wall`, the plane of a pair, and the kernels."""
     words = lanes(1, real)
     V, store3 = words.V, words.store3
-    geometry, Law, at_slot = closest(1, real), contact_law(real), box_words(real).at_slot
+    geometry, Law, at_slot = closest(real), contact_law(real), box_words(real).at_slot
     point_triangle, segment_segment = geometry.point_triangle, geometry.segment_segment
     W = wp.types.vector(4, real)
     zero, one, tiny = real(0.0), real(1.0), real(1e-30)
@@ -475,10 +466,24 @@ def contact_impulses(real: Any) -> SimpleNamespace:
             store3(direction_out, 0, i, j, at_slot(directions, s))
 
     @wp.kernel(module=module)
-    def begin_guard(state_out: wp.array(dtype=wp.int32)):
-        state_out[ACTIVE] = 1
-        state_out[ROUND] = 0
-        state_out[LIMITED] = 0
+    def begin_guard(state_out: wp.array(dtype=wp.int32), stirred_out: wp.array(dtype=wp.int32)):
+        b = wp.tid()
+        stirred_out[b] = 1
+        if b == 0:
+            state_out[ACTIVE] = 1
+            state_out[ROUND] = 0
+            state_out[LIMITED] = 0
+
+    @wp.kernel(module=module)
+    def note_stirred(tables: Tables, starts: wp.array(dtype=wp.int32), stirred_out: wp.array(dtype=wp.int32)):
+        """Whether a block has corners that have been given impulses."""
+        b = wp.tid()
+        stirred = wp.where(starts[BLOCK * b + BLOCK] > starts[BLOCK * b], 1, 0)
+        for k in range(tables.border_start[b], tables.border_start[b + 1]):
+            s = tables.border[k]
+            if starts[s + 1] > starts[s]:
+                stirred = 1
+        stirred_out[b] = stirred
 
     @wp.kernel(module=module)
     def begin_round(share_out: wp.array(dtype=real)):
@@ -503,8 +508,10 @@ def contact_impulses(real: Any) -> SimpleNamespace:
             state_out[CUT] = state_out[CUT] + counts[LENGTH]
 
     @wp.kernel(module=module)
-    def shorten(halo: int, share: wp.array(dtype=real), direction_out: wp.array3d(dtype=real)):
-        """Multiply a vector with what every pair allows."""
+    def shorten(
+        halo: int, slots: wp.array2d(dtype=wp.int32), share: wp.array(dtype=real), direction_out: wp.array3d(dtype=real)
+    ):
+        """Multiply a vector with what every pair allows, also of nodes without a slot."""
         row, column = wp.tid()
         i, j = row + 1, column + halo
         store3(direction_out, 0, i, j, share[0] * words.load3(direction_out, 0, i, j))
@@ -518,6 +525,7 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         give_impulses=give_impulses,
         return_directions=return_directions,
         begin_guard=begin_guard,
+        note_stirred=note_stirred,
         begin_round=begin_round,
         judge_round=judge_round,
         shorten=shorten,

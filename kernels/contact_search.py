@@ -15,7 +15,7 @@ from typing import Any
 
 import warp as wp
 
-from warpdeform.kernels.boxes import BLOCK, Tables, box_words
+from warpdeform.kernels.boxes import BLOCK, Tables, box_distances, box_words
 from warpdeform.kernels.contact_geometry import closest
 from warpdeform.kernels.contact_law import contact_law
 from warpdeform.kernels.lanes import kernel_module, lanes
@@ -26,20 +26,21 @@ REST_SHARE = 0.9
 """Share of the distance at rest at which neighbours begin to feel each other."""
 CLOSE = 0.1
 """Share of the gap below which edges always feel each other."""
-LEAVES = -0.1
+LEAVES = -0.25
 """Largest cosine between the way from an edge and a triangle beside it that the way leaves."""
 
 
 @functools.cache
 def contact_search(width: int, real: Any) -> SimpleNamespace:
     """The kernel ``find_pairs`` for one lane width and precision."""
-    words, single = lanes(width, real), lanes(1, real)
-    V, W, load1, load3 = single.V, words.V, words.load1, words.load3
-    most, splat, lane1, min_lanes = words.most, words.splat, words.lane1, words.min_lanes
-    exact = closest(1, real)
+    words = lanes(width, real)
+    V, load1, load3 = lanes(1, real).V, words.load1, words.load3
+    most, splat, below, first_lane = words.most, words.splat, words.below, words.first_lane
+    exact = closest(real)
     point_triangle, segment_segment = exact.point_triangle, exact.segment_segment
     shape, Law = box_words(real), contact_law(real)
     Box, Cone, at_slot, between, smooth = shape.Box, shape.Cone, shape.at_slot, shape.between, shape.smooth
+    distances = box_distances(width, real)
     Hits = wp.types.vector(HITS, wp.int32)
     groups = BLOCK // width
     zero, one = real(0.0), real(1.0)
@@ -164,20 +165,6 @@ def contact_search(width: int, real: Any) -> SimpleNamespace:
                 kind = 0
         return kind
 
-    @wp.func
-    def box_at(boxes: wp.array3d(dtype=real), k: int):
-        """Box number k of rows of 16."""
-        low, high = single.load3(boxes, 0, k >> 4, k & 15), single.load3(boxes, 3, k >> 4, k & 15)
-        return Box(low[0], low[1], low[2], high[0], high[1], high[2])
-
-    @wp.func
-    def apart(low: W, high: W, box: Box):
-        """Distance of boxes from a box, along the axis where it is largest."""
-        x = most(splat(box[0]) - high[0], low[0] - splat(box[3]))
-        y = most(splat(box[1]) - high[1], low[1] - splat(box[4]))
-        z = most(splat(box[2]) - high[2], low[2] - splat(box[5]))
-        return most(x, most(y, z))
-
     @wp.struct
     class Scene:
         """What a search reads.
@@ -218,11 +205,11 @@ def contact_search(width: int, real: Any) -> SimpleNamespace:
         count = wp.int32(found)
         for group in range(part, groups, parts):
             p = load3(scene.points, 0, b, group * width)
-            near_block = apart(p, p, other_box)
-            lane = wp.int32(0)
-            while lane < width:
-                slot = group * width + lane
-                if lane1(near_block, lane) < reach and slot < tables.present[b]:
+            near_block = below(distances(p, p, other_box), reach)
+            while near_block != 0:
+                slot = group * width + first_lane(near_block)
+                near_block = near_block & (near_block - 1)
+                if slot < tables.present[b]:
                     s = BLOCK * b + slot
                     x = at_slot(scene.points, s)
                     point_box = Box(x[0], x[1], x[2], x[0], x[1], x[2])
@@ -230,20 +217,17 @@ def contact_search(width: int, real: Any) -> SimpleNamespace:
                         for g in range(groups):
                             low = load3(scene.triangle_boxes, 0, i, g * width)
                             high = load3(scene.triangle_boxes, 3, i, g * width)
-                            near = apart(low, high, point_box)
-                            if min_lanes(near) < reach:
-                                k = wp.int32(0)
-                                while k < width:
-                                    j = g * width + k
-                                    if lane1(near, k) < reach and j < tables.triangle_count[i]:
-                                        t = BLOCK * i + j
-                                        if point_counts(tables, law, scene.points, scene.rest, own, s, t):
-                                            if 2 * count < points_out.shape[1]:
-                                                points_out[row, 2 * count] = s
-                                                points_out[row, 2 * count + 1] = t
-                                            count += 1
-                                    k += 1
-                lane += 1
+                            near = below(distances(low, high, point_box), reach)
+                            while near != 0:
+                                j = g * width + first_lane(near)
+                                near = near & (near - 1)
+                                t = BLOCK * i + j
+                                if j < tables.triangle_count[i]:
+                                    if point_counts(tables, law, scene.points, scene.rest, own, s, t):
+                                        if 2 * count < points_out.shape[1]:
+                                            points_out[row, 2 * count] = s
+                                            points_out[row, 2 * count + 1] = t
+                                        count += 1
         return count
 
     @wp.func
@@ -261,32 +245,33 @@ def contact_search(width: int, real: Any) -> SimpleNamespace:
         for group in range(part, groups * (tables.edge_row_start[b + 1] - first_row), parts):
             edge_row, start = first_row + group // groups, (group % groups) * width
             low, high = load3(scene.edge_boxes, 0, edge_row, start), load3(scene.edge_boxes, 3, edge_row, start)
-            near_block = apart(low, high, other_box)
-            lane = wp.int32(0)
-            while lane < width:
-                e = BLOCK * edge_row + start + lane
-                if lane1(near_block, lane) < reach and start + lane < tables.edge_count[edge_row]:
-                    edge_box = box_at(scene.edge_boxes, e)
+            near_block = below(distances(low, high, other_box), reach)
+            while near_block != 0:
+                k = start + first_lane(near_block)
+                near_block = near_block & (near_block - 1)
+                if k < tables.edge_count[edge_row]:
+                    e = BLOCK * edge_row + k
+                    edge_box = shape.box_at(scene.edge_boxes, e)
                     # Sharp edges feel sharp edges from afar.
-                    far = more * scene.sharp[0, edge_row, start + lane]
+                    far = more * scene.sharp[0, edge_row, k]
                     for i in range(tables.edge_row_start[leaf], tables.edge_row_start[leaf + 1]):
                         for g in range(groups):
                             j = g * width
-                            near = apart(load3(scene.edge_boxes, 0, i, j), load3(scene.edge_boxes, 3, i, j), edge_box)
-                            near = near - far * load1(scene.sharp, 0, i, j)
-                            if min_lanes(near) < always:
-                                k = wp.int32(0)
-                                while k < width:
-                                    other = BLOCK * i + j + k
-                                    if lane1(near, k) < always and e < other and j + k < tables.edge_count[i]:
-                                        kind = edges_count(tables, law, scene.points, scene.rest, own, e, other)
-                                        if kind != 0:
-                                            if 2 * count < edges_out.shape[1]:
-                                                edges_out[row, 2 * count] = e
-                                                edges_out[row, 2 * count + 1] = wp.where(kind > 0, other, -1 - other)
-                                            count += 1
-                                    k += 1
-                lane += 1
+                            near_by = distances(
+                                load3(scene.edge_boxes, 0, i, j), load3(scene.edge_boxes, 3, i, j), edge_box
+                            )
+                            near = below(near_by - far * load1(scene.sharp, 0, i, j), always)
+                            while near != 0:
+                                m = j + first_lane(near)
+                                near = near & (near - 1)
+                                other = BLOCK * i + m
+                                if e < other and m < tables.edge_count[i]:
+                                    kind = edges_count(tables, law, scene.points, scene.rest, own, e, other)
+                                    if kind != 0:
+                                        if 2 * count < edges_out.shape[1]:
+                                            edges_out[row, 2 * count] = e
+                                            edges_out[row, 2 * count + 1] = wp.where(kind > 0, other, -1 - other)
+                                        count += 1
         return count
 
     @wp.kernel(module=module)

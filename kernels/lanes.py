@@ -376,7 +376,7 @@ def _chosen(names: dict[str, Any]) -> SimpleNamespace:
     return SimpleNamespace(**{name: word for name, word in names.items() if name in WORDS})
 
 
-COMPARISONS = frozenset("least most where1 where3 lane1 lane3 spread min_lanes".split())
+COMPARISONS = frozenset("least most where1 where3 lane3 spread min_lanes below first_lane".split())
 """Words that search for contacts: which of two is smaller, which lanes are meant."""
 
 
@@ -402,9 +402,14 @@ def _scalar_comparisons(real: Any) -> SimpleNamespace:
         return wp.where(c > real(0.0), a, b)
 
     @wp.func
-    def lane1(a: real, k: int):
-        """Lane k."""
-        return a
+    def below(a: real, limit: real):
+        """Which lanes are below a limit: bit k for lane k."""
+        return wp.where(a < limit, 1, 0)
+
+    @wp.func
+    def first_lane(lanes_set: int):
+        """The first of the lanes that a number of `below` has set; there must be one."""
+        return 0
 
     @wp.func
     def lane3(a: V, k: int):
@@ -451,8 +456,17 @@ def _wide_comparisons(width: int, real: Any) -> SimpleNamespace:
     )
     def where3(c: L, a: V, b: V) -> V: ...
 
-    @wp.func_native("return a.c[k];")
-    def lane1(a: L, k: int) -> real: ...
+    bits = {8: "unsigned char", 16: "unsigned short"}[width]
+
+    @wp.func_native(
+        f"{lv}typedef bool bv __attribute__((ext_vector_type({width}))); {bits} set;"
+        f" const bv b = __builtin_convertvector({one('a')} < limit, bv); __builtin_memcpy(&set, &b, sizeof(set));"
+        " return (int)set;"
+    )
+    def below(a: L, limit: real) -> int: ...
+
+    @wp.func_native("return __builtin_ctz((unsigned)lanes_set);")
+    def first_lane(lanes_set: int) -> int: ...
 
     @wp.func_native(f"return wp::vec_t<3, {rn}>(a.data[0][k], a.data[1][k], a.data[2][k]);")
     def lane3(a: V, k: int) -> P: ...

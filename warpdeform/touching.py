@@ -70,7 +70,7 @@ def add_contacts(
     system = ContactSystem([h.state for h in taking], surfaces, [h.model.node_mass for h in taking], touching)
     for handle, term in zip(taking, system.terms(), strict=True):
         fields = [each for each in handle.terms if isinstance(each, ObstacleField)]
-        system.other_guards += [(each, handle.state) for each in fields]
+        system.guarding.others += [(each, handle.state) for each in fields]
         handle.terms = (*handle.terms, term)
     return system
 

@@ -89,9 +89,9 @@ class Force:
     Every method but `prepare` and `bytes` only launches kernels, so that a step can be captured as one graph: no
     allocation, no read of a device array, no decision on the host. Terms override what they have; the rest is empty.
 
-    A word is asked of the terms of all bodies before what it changes is used, in the order of the bodies: so a term that
-    several bodies share does its work when the first of them, or the last, is asked. The vectors that it is given are
-    the bodies' own, so that those of the other bodies are known by their names.
+    A word is asked of the terms of all bodies, in their order, before what it changes is used: so a term that several
+    bodies share does its work when the first of them, or the last, is asked. The vectors that it is given are the
+    bodies' own, so that those of the other bodies are known by their names.
     """
 
     name: ClassVar[str] = "force"

@@ -1,0 +1,120 @@
+"""The guard of contact: changes displacements so that nothing crosses on the way (design 5.2)."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import warp as wp
+
+from warpdeform.forces.contact_lists import FoundRows, PairList
+from warpdeform.forces.contact_slots import ContactSlots
+from warpdeform.forces.force import BodyArrays, Force
+from warpdeform.kernels.contact_guard import (
+    ACTIVE,
+    GUARD_STATE,
+    LIMITED,
+    contact_guard,
+    contact_impulses,
+)
+from warpdeform.launching import choose, do_alone, repeat_while
+
+RISKS_PER_NODE = 2
+"""Pairs at risk that the guard takes on at a time, per node; what does not fit is found again in the next round."""
+ROUNDS = 16
+"""How often the guard looks for pairs at risk before it shortens everything."""
+SWEEPS = 6
+"""How often the pairs at risk are given impulses before they are looked for again."""
+
+
+class ContactGuard:
+    """Finds pairs at risk and takes the risk away; see :mod:`warpdeform.kernels.contact_guard`.
+
+    Args:
+        slots: The bodies in slots.
+        found: Where searches leave what they find.
+        inverse_masses: 1 over the mass of each slot [1/kg], 0 where it is held.
+        spacing: Smallest distance of neighbours at rest [m].
+        nodes: Nodes of all bodies.
+
+    Attributes:
+        state: int32 (ACTIVE, ROUND, LIMITED, CUT, SHORTENED) of :mod:`warpdeform.kernels.contact_guard`; the last two
+            count over a step: pairs at risk when first looked for, and updates that were shortened as a whole.
+        others: Terms, with their bodies, whose own guards must hold too.
+    """
+
+    def __init__(
+        self, slots: ContactSlots, found: FoundRows, inverse_masses: wp.array, spacing: float, nodes: int
+    ) -> None:
+        self._slots, self._found, self._inverse_masses = slots, found, inverse_masses
+        self._spacing = slots.real(spacing)
+        self._search, self._impulses = contact_guard(slots.width, slots.real), contact_impulses(slots.real)
+        self._risks = PairList(found, slots.parts, slots.count, RISKS_PER_NODE * nodes, slots.device)
+        self._directions, self._drifts = slots.vectors(), slots.tree()
+        self._walls = slots.zeros(self._risks.capacity, self._impulses.Wall)
+        self._amounts = slots.zeros(self._risks.capacity, self._impulses.Amounts)
+        self._stirred = slots.zeros(slots.blocks, wp.int32)
+        self.state, self._share = slots.zeros(GUARD_STATE, wp.int32), slots.zeros(1, slots.real)
+        self._active, self._limited = (self.state[entry : entry + 1] for entry in (ACTIVE, LIMITED))
+        self.others: list[tuple[Force, BodyArrays]] = []
+
+    def bytes(self) -> int:
+        """Device memory [bytes]."""
+        arrays = (self._directions, self._drifts, self._walls, self._amounts, self._stirred, self.state, self._share)
+        return sum(int(array.capacity) for array in arrays) + self._risks.bytes()
+
+    def begin(self) -> None:
+        """A step begins: nothing has been cut yet."""
+        do_alone(self.state.zero_)
+
+    def guard(self, position: str, direction: str) -> None:
+        """Change displacements of all bodies; the boxes of the slots are around `position`.
+
+        Args:
+            position: Name of the vector that they start from.
+            direction: Name of the displacements.
+        """
+        slots = self._slots
+        slots.launch(self._impulses.begin_guard, slots.blocks, self.state, self._stirred)
+        repeat_while(self._active, self._look, position=position, direction=direction)
+        choose(self._limited, lambda: self._on_nodes(self._impulses.shorten, direction, self._share), None)
+
+    def _look(self, position: str, direction: str) -> None:
+        """Look for pairs at risk, and push them apart."""
+        slots, found = self._slots, self._found
+        slots.gather(direction, self._directions)
+        slots.fit_tree(self._directions, self._drifts)
+        slots.launch(self._impulses.begin_round, 1, self._share)
+        slots.launch(
+            self._search.find_risks, (slots.blocks, slots.parts), slots.parts, self._spacing, slots.tables, slots.scene,
+            self._directions, self._drifts, self._stirred, self._risks.lost, self._share,
+            found.numbers, found.points, found.edges,
+        )  # fmt: skip
+        self._risks.pack(slots.tables)
+        slots.launch(self._impulses.judge_round, 1, ROUNDS, self._risks.counts, self._share, self.state)
+        choose(self._active, lambda: self._push(position, direction), None)
+
+    def _push(self, position: str, direction: str) -> None:
+        slots, risks, kernels = self._slots, self._risks, self._impulses
+        listed = (risks.threads, risks.counts, risks.pairs)
+        slots.launch(kernels.raise_walls, risks.threads, *listed, slots.scene.laws, slots.points, self._walls)
+        for _ in range(SWEEPS):
+            slots.launch(
+                kernels.find_impulses, risks.threads, *listed, self._walls, risks.starts, self._inverse_masses,
+                self._directions, self._amounts,
+            )  # fmt: skip
+            given = (risks.starts, risks.entries, self._walls, self._amounts)
+            slots.launch(kernels.give_impulses, slots.count, *given, self._directions)
+        slots.launch(kernels.note_stirred, slots.blocks, slots.tables, risks.starts, self._stirred)
+        self._on_nodes(kernels.return_directions, direction, risks.starts, self._directions)
+        for term, body in self.others:
+            term.guard(body, getattr(body, position), getattr(body, direction))
+
+    def _on_nodes(self, kernel: Any, vector: str, *inputs: Any) -> None:
+        for k, body in enumerate(self._slots.bodies):
+            self._slots.launch_nodes(kernel, k, *inputs, getattr(body, vector))
+
+
+GUARD_KERNELS: Sequence[str] = (
+    "contact_guard.find_risks",
+    *(f"contact_impulses.{name}" for name in ("raise_walls", "find_impulses", "give_impulses", "return_directions")),
+)
+"""What the guard launches where something is at risk."""
