@@ -82,7 +82,7 @@ class ContactSystem:
         self._search, self._kernels = contact_search(slots.width, slots.real), contact(slots.real)
         nodes = sum(surface.grid.node_count for surface in surfaces)
         self._found = FoundRows(slots.blocks * slots.parts, max(ROW_CAPACITY // slots.parts, 8), slots.device)
-        self.list = PairList(self._found, slots.parts, slots.count, PAIRS_PER_NODE * nodes, slots.device)
+        self.list = PairList(self._found, slots.parts, slots.count, int(PAIRS_PER_NODE * nodes), slots.device)
         free = [body.layout.unpack(body.free.numpy())[..., 0] for body in bodies]
         inverse = [held / mass for held, mass in zip(free, masses, strict=True)]
         spacing = min(surface.spacing for surface in surfaces)
