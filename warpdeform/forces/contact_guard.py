@@ -47,7 +47,7 @@ class ContactGuard:
         self._slots, self._found, self._inverse_masses = slots, found, inverse_masses
         self._spacing = slots.real(spacing)
         self._search, self._impulses = contact_guard(slots.width, slots.real), contact_impulses(slots.real)
-        self._risks = PairList(found, slots.parts, slots.count, RISKS_PER_NODE * nodes, slots.device)
+        self._risks = PairList(found, slots.parts, slots.count, int(RISKS_PER_NODE * nodes), slots.device)
         self._directions, self._drifts = slots.vectors(), slots.tree()
         self._walls = slots.zeros(self._risks.capacity, self._impulses.Wall)
         self._amounts = slots.zeros(self._risks.capacity, self._impulses.Amounts)
