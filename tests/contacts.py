@@ -40,6 +40,7 @@ class Scene:
         lane_width: Nodes per lane group; None takes what suits the CPU.
         pins: Nodes of the first body that are held.
         offset: Distance of the middle surfaces at which the skins touch [m].
+        friction: Coefficient.
     """
 
     def __init__(
@@ -50,6 +51,7 @@ class Scene:
         lane_width: int | None = None,
         pins: Sequence[Any] = (),
         offset: float = 0.0,
+        friction: float = 0.0,
     ) -> None:
         count = len(shapes)
         bodies = [
@@ -57,10 +59,10 @@ class Scene:
             for k, shape in enumerate(shapes)
         ]
         if pairs is None:
-            pairs = [touching(a, b, offset=offset) for a in range(count) for b in range(a, count)]
+            pairs = [touching(a, b, offset=offset, friction=friction) for a in range(count) for b in range(a, count)]
+        self.iteration: wp.array = wp.zeros(1, dtype=wp.int32, device=CPU)
         self.models = [Model(body, precision, CPU, lane_width) for body in bodies]
-        iteration: wp.array = wp.zeros(1, dtype=wp.int32, device=CPU)
-        self.states = [State(model, iteration) for model in self.models]
+        self.states = [State(model, self.iteration) for model in self.models]
         surfaces = [Surface(model.grid, model.body.shape.positions, model.spacing) for model in self.models]
         self.system = ContactSystem(self.states, surfaces, [model.node_mass for model in self.models], pairs)
         self.terms = self.system.terms()
@@ -73,6 +75,16 @@ class Scene:
     def take(self, vector: str) -> list[Array]:
         pairs = zip(self.models, self.states, strict=True)
         return [model.download(getattr(state, vector)) for model, state in pairs]
+
+    def begin(self, positions: Sequence[Array]) -> None:
+        """Begin a step at some positions."""
+        self.place(positions, "x")
+        for term, state in zip(self.terms, self.states, strict=True):
+            term.begin(state)
+
+    def finish(self) -> None:
+        for term, state in zip(self.terms, self.states, strict=True):
+            term.finish(state)
 
     def linearise(self, positions: Sequence[Array]) -> None:
         self.place(positions)

@@ -32,6 +32,7 @@ FLOORS = (
         "track",
         "wind",
         "body",
+        "contact",
         "state",
         "device",
         "launching",
@@ -47,12 +48,12 @@ FLOORS = (
     },
     {"forces", "linear"},
     {"integrators"},
-    {"scene", "usd", "simulation", "handle", "information"},
+    {"scene", "usd", "simulation", "touching", "handle", "information"},
     {"cli", "viewer", "study", "bench", "__main__"},
 )
 """Modules by floor (design 3.2): a module imports its own floor and those below."""
 
-DESCRIPTIONS = ("errors", "material", "shape", "track", "obstacle", "wind", "body", "settings", "result")
+DESCRIPTIONS = ("errors", "material", "shape", "track", "obstacle", "wind", "body", "contact", "settings", "result")
 """What a scene is described with: pure NumPy, so that a command line answers before Warp is loaded."""
 
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}

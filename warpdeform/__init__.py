@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from warpdeform.body import Body, Pin, Spring
+    from warpdeform.contact import Contact
     from warpdeform.errors import InputError, Mistake, SimulationFailure, WarpdeformError
     from warpdeform.material import Material
     from warpdeform.obstacle import Obstacle
@@ -43,6 +44,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "Body",
+    "Contact",
     "FrameWriter",
     "InputError",
     "Material",
@@ -81,6 +83,7 @@ __all__ = [
 
 _HOMES = {
     "body": ("Body", "Pin", "Spring"),
+    "contact": ("Contact",),
     "errors": ("InputError", "Mistake", "SimulationFailure", "WarpdeformError"),
     "material": ("Material",),
     "obstacle": ("Obstacle",),

@@ -50,7 +50,7 @@ def crossings_on_the_way(s: Scene, positions: Any, directions: Any) -> list[int]
 
 
 @pytest.mark.parametrize("kind", CASES)
-@pytest.mark.parametrize(("size", "noise"), [(0.02, 0.0), (0.1, 0.0), (0.03, 1.0)])
+@pytest.mark.parametrize(("size", "noise"), [(0.05, 0.0), (0.1, 0.0), (0.03, 1.0)])
 def test_nothing_crosses_whatever_the_displacements(kind: str, size: float, noise: float) -> None:
     s, positions = scene(kind)
     unguarded = []

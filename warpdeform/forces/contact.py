@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpdeform.forces.contact_friction import ContactFriction
 from warpdeform.forces.contact_guard import GUARD_KERNELS, ContactGuard
 from warpdeform.forces.contact_lists import FoundRows, PairList
 from warpdeform.forces.contact_mesh import Surface
@@ -98,6 +99,9 @@ class ContactSystem:
         self._pulls = slots.zeros(self.list.capacity, self._kernels.V)
         self._diagonal = slots.zeros(slots.count, self._kernels.S)
         self._energies = slots.zeros(self.list.threads, wp.float64)
+        self.friction: ContactFriction | None = None
+        if any(each.friction > 0.0 for each in touching):
+            self.friction = ContactFriction(slots, self.list, self._stale, bodies[0].iteration)
         self._fitted = ""
         self.clear()
 
@@ -109,16 +113,26 @@ class ContactSystem:
         """Device memory [bytes]."""
         held = (self._masses, self._listed, self._moved, self._directions, self._weights, self._shares, self._pushes)
         own = sum(int(array.capacity) for array in (*held, self._pulls, self._diagonal, self._energies))
+        own += self.friction.bytes() if self.friction else 0
         return own + self.slots.bytes() + self._found.bytes() + self.list.bytes() + self.guarding.bytes()
 
     def begin(self) -> None:
         """A step begins."""
         do_alone(self.list.lost.zero_)
         self.guarding.begin()
+        if self.friction:
+            self.friction.begin()
         self._fitted = ""
+
+    def finish(self) -> None:
+        """The step is accepted where `linearise` was asked for last."""
+        if self.friction:
+            self.friction.finish(self._shares)
 
     def clear(self) -> None:
         """Forget all pairs."""
+        if self.friction:
+            self.friction.clear()
         self.list.counts.zero_()
         self._listed.fill_(np.inf)
 
@@ -148,6 +162,8 @@ class ContactSystem:
         slots = self.slots
         laws = (slots.scene.laws, self._weights)
         self._on_pairs("linearise_pairs", *laws, slots.points, self._shares, self._pushes)
+        if self.friction:
+            self.friction.linearise(self._shares, self._pushes)
         entered = (self.list.starts, self.list.entries, self._shares, self._pushes)
         slots.launch(self._kernels.sum_diagonal, slots.count, *entered, self._diagonal)
 
@@ -158,6 +174,8 @@ class ContactSystem:
             slots = self.slots
             slots.gather(vector, self._moved)
             self._on_pairs("pair_energies", slots.scene.laws, self._weights, self._moved, self._energies)
+            if self.friction:
+                self.friction.add_energies(self._shares, self._moved, self._energies)
             slots.launch(self._kernels.add_energies, 1, halo, self._energies, partials)
 
         choose(self.list.any, add, None)
@@ -259,6 +277,10 @@ class Contact(Force):
     def guard(self, body: BodyArrays, position: wp.array, direction: wp.array) -> None:
         if self._ends:
             self.system.guard(_name_of(body, position), _name_of(body, direction))
+
+    def finish(self, body: BodyArrays) -> None:
+        if self._ends:
+            self.system.finish()
 
     def reset(self) -> None:
         if self._leads:

@@ -121,7 +121,7 @@ class ContactMesh:
     ) -> None:
         """Add the blocks of a rectangle of tiles, and the boxes around its halves, and around theirs."""
         if tiles.size == 1:
-            nodes = tiles.flat[0]
+            nodes: Ints = tiles.flat[0]
             if len(nodes):
                 tree.leaf(len(self._tiles), body)
                 self._tiles.append(nodes)

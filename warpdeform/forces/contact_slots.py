@@ -45,7 +45,8 @@ class ContactSlots:
         self.width = 1 if self.device.is_cuda else bodies[0].lane_width
         self.parts = PARTS if self.device.is_cuda else 1
         self.blocks, self.count = self.mesh.blocks, self.mesh.slot_count
-        self._kernels, self._flat = boxes(self.width, self.real), {}
+        self._kernels = boxes(self.width, self.real)
+        self._flat: dict[int, wp.array] = {}
         self._first_block = [int(np.flatnonzero(self.mesh.body == k)[0]) for k in range(len(bodies))]
         self._block_count = [int(np.count_nonzero(self.mesh.body == k)) for k in range(len(bodies))]
         self._levels = [self.upload(level, wp.int32) for level in self.mesh.levels]
@@ -59,7 +60,9 @@ class ContactSlots:
     def bytes(self) -> int:
         """Device memory [bytes]."""
         held = [*self._levels, self._border, *self._node_slots, self._nodes]
-        for struct, kind in ((self.tables, Tables), (self.scene, contact_search(self.width, self.real).Scene)):
+        kinds: list[tuple[Any, Any]] = [(self.tables, Tables)]
+        kinds.append((self.scene, contact_search(self.width, self.real).Scene))
+        for struct, kind in kinds:
             held += [each for name in kind.vars if isinstance(each := getattr(struct, name), wp.array)]
         return sum(int(array.capacity) for array in held)
 
@@ -142,7 +145,8 @@ class ContactSlots:
         return self.upload(places, wp.int32)
 
     def _make_tables(self) -> Any:
-        mesh, tables = self.mesh, Tables()
+        mesh = self.mesh
+        tables: Any = Tables()
         tables.bodies = len(self.bodies)
         tables.place = self.upload(mesh.place, wp.vec3i)
         corners = (("triangle", mesh.triangles), ("across", mesh.across), ("edge", mesh.edges), ("wing", mesh.wings))
