@@ -24,6 +24,8 @@ from warpdeform.kernels.contact_lists import LENGTH, Pair, corner_of
 from warpdeform.kernels.lanes import kernel_module, lanes
 from warpdeform.kernels.potential import potential
 
+FAR = 1.0e30
+"""Distance of skins where nothing is near [m]."""
 CLOSE = 0.1
 """Range of edges that feel each other only when very close, as a share of that of the field, and their weight."""
 
@@ -114,23 +116,28 @@ def contact(real: Any) -> SimpleNamespace:
         laws: wp.array(dtype=Law),
         weights: wp.array(dtype=real),
         points: wp.array3d(dtype=real),
+        closest_out: wp.array(dtype=real),
         shares_out: wp.array(dtype=W),
         pushes_out: wp.array(dtype=Push),
     ):
-        """The weights of the corners of each pair, and what it does."""
+        """The weights of the corners of each pair, and what it does; the smallest distance of skins."""
         k = wp.tid()
+        closest = real(FAR)
         while k < counts[LENGTH]:
             pair = pairs[k]
             r, w = difference(pair, points)
             distance = wp.length(r)
             n = r / wp.max(distance, real(1e-30))
-            phi = density(pair, laws[pair.law], distance)
+            law = laws[pair.law]
+            closest = wp.min(closest, distance - law.offset)
+            phi = density(pair, law, distance)
             push = Push()
             shares_out[k] = w
             push.gradient = weights[k] * phi[1] * n
             push.block = weights[k] * phi[2] * outer(n, n)
             pushes_out[k] = push
             k += threads
+        wp.atomic_min(closest_out, 0, closest)
 
     @wp.kernel(module=module)
     def pair_energies(

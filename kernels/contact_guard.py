@@ -36,12 +36,19 @@ HITS = 32
 """Blocks that a thread takes from the tree at a time."""
 ALLOWED = 0.9
 """Share of its separation above the floor that a pair may lose in one update."""
+WATCHED = 0.5
+"""The same from which on a pair is listed: impulses of others may put it at risk."""
+NEARLY = 0.999
+"""Largest share of its way that a pair at risk may go."""
 TARGET = 0.7
 """The same, for what impulses aim at: a margin for what they do to each other."""
 RECOVERY = 1.5
 """What impulses aim at for a pair below the floor, in separations."""
 TOLERANCE = 1e-3
 """Share of the separation that a pair below the floor may lose all the same: so that round-off is no risk."""
+ROUND_OFF = 20.0
+"""Units in the last place of the coordinates below which nothing is let come near."""
+EPSILONS = {wp.float32: 2.0**-23, wp.float64: 2.0**-52}
 HALF_CONE = 1.047
 """As in :mod:`warpdeform.kernels.boxes`."""
 
@@ -49,9 +56,10 @@ HALF_CONE = 1.047
 ACTIVE = wp.constant(0)
 ROUND = wp.constant(1)
 LIMITED = wp.constant(2)
-CUT = wp.constant(3)
-SHORTENED = wp.constant(4)
-GUARD_STATE = 5
+UPDATES = wp.constant(3)
+PUSHED = wp.constant(4)
+SHORTENED = wp.constant(5)
+GUARD_STATE = 6
 
 
 @functools.cache
@@ -68,6 +76,7 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
     Hits = wp.types.vector(HITS, wp.int32)
     groups = BLOCK // width
     zero, one, tiny = real(0.0), real(1.0), real(1e-30)
+    round_off = real(ROUND_OFF * EPSILONS[real])
     module = kernel_module("contact_guard", width, real)
 
     @wp.func
@@ -114,21 +123,29 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
         return ok
 
     @wp.func
-    def free_share(separation: real, end: real, floor: real):
-        """How much of its way a pair may go: 1, or less if it is at risk."""
-        need = separation - real(ALLOWED) * wp.max(separation - floor, zero) - real(TOLERANCE) * separation
-        share = one
+    def free_share(separation: real, end: real, floor: real, least: real):
+        """How much of its way a pair may go: less than 1 if it is at risk, 1 if it may come to be, else 2.
+
+        What is at risk is never let nearer than half its separation, nor than `least`.
+        """
+        room = wp.max(separation - floor, zero)
+        share = real(2.0)
+        if end < separation - real(WATCHED) * room:
+            share = one
+        need = separation - real(ALLOWED) * room - real(TOLERANCE) * separation
         if end < need:
-            keep = wp.min(need, real(0.5) * separation)
-            share = wp.clamp((separation - keep) / wp.max(separation - end, tiny), zero, one)
+            keep = wp.min(need, wp.max(real(0.5) * separation, least))
+            share = wp.clamp((separation - keep) / wp.max(separation - end, tiny), zero, real(NEARLY))
         return share
 
     @wp.func
-    def point_share(tables: Tables, law: Law, scene: Scene, directions: wp.array3d(dtype=real), s: int, t: int):
+    def point_share(
+        tables: Tables, law: Law, scene: Scene, directions: wp.array3d(dtype=real), least: real, s: int, t: int
+    ):
         """`free_share` of the point in slot s and triangle t."""
         i, j = t >> 4, t & 15
         a, b, c = tables.triangle_a[i, j], tables.triangle_b[i, j], tables.triangle_c[i, j]
-        share = one
+        share = real(2.0)
         if s != a and s != b and s != c:
             x, d = at_slot(scene.points, s), at_slot(directions, s)
             xa, xb, xc = at_slot(scene.points, a), at_slot(scene.points, b), at_slot(scene.points, c)
@@ -138,15 +155,17 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
             ea = sa + wp.dot(n, d - at_slot(directions, a))
             eb = sb + wp.dot(n, d - at_slot(directions, b))
             ec = sc + wp.dot(n, d - at_slot(directions, c))
-            share = free_share(wp.min(sa, wp.min(sb, sc)), wp.min(ea, wp.min(eb, ec)), law.floor)
+            share = free_share(wp.min(sa, wp.min(sb, sc)), wp.min(ea, wp.min(eb, ec)), law.floor, least)
         return share
 
     @wp.func
-    def edge_share(tables: Tables, law: Law, scene: Scene, directions: wp.array3d(dtype=real), e: int, g: int):
+    def edge_share(
+        tables: Tables, law: Law, scene: Scene, directions: wp.array3d(dtype=real), least: real, e: int, g: int
+    ):
         """`free_share` of two edges."""
         i, j, k, m = e >> 4, e & 15, g >> 4, g & 15
         p, q, a, b = tables.edge_a[i, j], tables.edge_b[i, j], tables.edge_a[k, m], tables.edge_b[k, m]
-        share = one
+        share = real(2.0)
         if p != a and p != b and q != a and q != b:
             xp, xq, xa, xb = (
                 at_slot(scene.points, p),
@@ -161,12 +180,13 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
             pa, pb, qa, qb = wp.dot(n, xp - xa), wp.dot(n, xp - xb), wp.dot(n, xq - xa), wp.dot(n, xq - xb)
             start = wp.min(wp.min(pa, pb), wp.min(qa, qb))
             end = wp.min(wp.min(pa + dp - da, pb + dp - db), wp.min(qa + dq - da, qb + dq - db))
-            share = free_share(start, end, law.floor)
+            share = free_share(start, end, law.floor, least)
         return share
 
     @wp.func
     def risky_points(
         tables: Tables, scene: Scene, directions: wp.array3d(dtype=real), drifts: wp.array(dtype=Box),
+        least: real,
         b: int, leaf: int, part: int, parts: int, row: int, found: int,
         share_out: wp.array(dtype=real), points_out: wp.array2d(dtype=wp.int32),
     ):  # fmt: skip
@@ -195,8 +215,8 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
                                 j = g * width + first_lane(near)
                                 near = near & (near - 1)
                                 if j < tables.triangle_count[i]:
-                                    share = point_share(tables, law, scene, directions, s, BLOCK * i + j)
-                                    if share < one:
+                                    share = point_share(tables, law, scene, directions, least, s, BLOCK * i + j)
+                                    if share <= one:
                                         wp.atomic_min(share_out, 0, share)
                                         if 2 * count < points_out.shape[1]:
                                             points_out[row, 2 * count] = s
@@ -207,6 +227,7 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
     @wp.func
     def risky_edges(
         tables: Tables, scene: Scene, directions: wp.array3d(dtype=real), drifts: wp.array(dtype=Box),
+        least: real,
         b: int, leaf: int, part: int, parts: int, row: int, found: int,
         share_out: wp.array(dtype=real), edges_out: wp.array2d(dtype=wp.int32),
     ):  # fmt: skip
@@ -241,8 +262,8 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
                                 near = near & (near - 1)
                                 other = BLOCK * i + m
                                 if e < other and m < tables.edge_count[i]:
-                                    share = edge_share(tables, law, scene, directions, e, other)
-                                    if share < one:
+                                    share = edge_share(tables, law, scene, directions, least, e, other)
+                                    if share <= one:
                                         wp.atomic_min(share_out, 0, share)
                                         if 2 * count < edges_out.shape[1]:
                                             edges_out[row, 2 * count] = e
@@ -284,6 +305,10 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
         b, part = wp.tid()
         row = b * parts + part
         box, drift = scene.boxes[tables.leaf_box[b]], drifts[tables.leaf_box[b]]
+        all_boxes = scene.boxes[0]
+        far = wp.max(wp.max(-all_boxes[0], -all_boxes[1]), -all_boxes[2])
+        far = wp.max(far, wp.max(all_boxes[3], wp.max(all_boxes[4], all_boxes[5])))
+        least = round_off * far
         first_reach = tables.body[b] * tables.bodies
         points_found, edges_found = wp.int32(0), wp.int32(0)
         hits = Hits()
@@ -307,11 +332,35 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
             for h in range(count):
                 leaf = hits[h]
                 points_found = risky_points(
-                    tables, scene, directions, drifts, b, leaf, part, parts, row, points_found, share_out, points_out
+                    tables,
+                    scene,
+                    directions,
+                    drifts,
+                    least,
+                    b,
+                    leaf,
+                    part,
+                    parts,
+                    row,
+                    points_found,
+                    share_out,
+                    points_out,
                 )
                 if leaf >= b:
                     edges_found = risky_edges(
-                        tables, scene, directions, drifts, b, leaf, part, parts, row, edges_found, share_out, edges_out
+                        tables,
+                        scene,
+                        directions,
+                        drifts,
+                        least,
+                        b,
+                        leaf,
+                        part,
+                        parts,
+                        row,
+                        edges_found,
+                        share_out,
+                        edges_out,
                     )
         points_kept = wp.min(points_found, points_out.shape[1] / 2)
         edges_kept = wp.min(edges_found, edges_out.shape[1] / 2)
@@ -401,7 +450,6 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         counts: wp.array(dtype=wp.int32),
         pairs: wp.array(dtype=Pair),
         walls: wp.array(dtype=Wall),
-        starts: wp.array(dtype=wp.int32),
         inverse_masses: wp.array(dtype=real),
         directions: wp.array3d(dtype=real),
         amounts_out: wp.array(dtype=W),
@@ -427,10 +475,39 @@ def contact_impulses(real: Any) -> SimpleNamespace:
                 amounts = push_apart(u, amounts, 0, 1, wall.need, wa, wb)
                 amounts = push_apart(u, amounts, 0, 2, wall.need, wa, wc)
                 amounts = push_apart(u, amounts, 0, 3, wall.need, wa, wd)
-            most = wp.max(starts[pair.a + 1] - starts[pair.a], starts[pair.b + 1] - starts[pair.b])
-            most = wp.max(most, starts[pair.c + 1] - starts[pair.c])
-            most = wp.max(most, starts[pair.d + 1] - starts[pair.d])
-            amounts_out[k] = amounts / real(most)
+            amounts_out[k] = amounts
+            k += threads
+
+    @wp.kernel(module=module)
+    def count_pushed(
+        starts: wp.array(dtype=wp.int32),
+        entries: wp.array(dtype=wp.int32),
+        amounts: wp.array(dtype=W),
+        pushed_out: wp.array(dtype=wp.int32),
+    ):
+        """How many pairs push each slot."""
+        s = wp.tid()
+        if starts[s + 1] > starts[s]:
+            pushed = wp.int32(0)
+            for k in range(starts[s], starts[s + 1]):
+                if amounts[entries[k] >> 2][entries[k] & 3] != zero:
+                    pushed += 1
+            pushed_out[s] = pushed
+
+    @wp.kernel(module=module)
+    def share_impulses(
+        threads: int,
+        counts: wp.array(dtype=wp.int32),
+        pairs: wp.array(dtype=Pair),
+        pushed: wp.array(dtype=wp.int32),
+        amounts_out: wp.array(dtype=W),
+    ):
+        """Divide what each pair gives by the number of pairs that push the most concerned of its corners."""
+        k = wp.tid()
+        while k < counts[LENGTH]:
+            pair = pairs[k]
+            most = wp.max(wp.max(pushed[pair.a], pushed[pair.b]), wp.max(pushed[pair.c], pushed[pair.d]))
+            amounts_out[k] = amounts_out[k] / real(wp.max(most, 1))
             k += threads
 
     @wp.kernel(module=module)
@@ -456,14 +533,18 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         slots: wp.array2d(dtype=wp.int32),
         starts: wp.array(dtype=wp.int32),
         directions: wp.array3d(dtype=real),
+        state_out: wp.array(dtype=wp.int32),
         direction_out: wp.array3d(dtype=real),
     ):
-        """Bring what has changed back to the nodes of a body."""
+        """Bring what has changed back to the nodes of a body; in the first round count them."""
         row, column = wp.tid()
         i, j = row + 1, column + halo
         s = slots[i, j]
         if s >= 0 and starts[s + 1] > starts[s]:
-            store3(direction_out, 0, i, j, at_slot(directions, s))
+            d = at_slot(directions, s)
+            if state_out[ROUND] == 1 and wp.length(d - words.load3(direction_out, 0, i, j)) > zero:
+                wp.atomic_add(state_out, PUSHED, 1)
+            store3(direction_out, 0, i, j, d)
 
     @wp.kernel(module=module)
     def begin_guard(state_out: wp.array(dtype=wp.int32), stirred_out: wp.array(dtype=wp.int32)):
@@ -473,12 +554,18 @@ def contact_impulses(real: Any) -> SimpleNamespace:
             state_out[ACTIVE] = 1
             state_out[ROUND] = 0
             state_out[LIMITED] = 0
+            state_out[UPDATES] = state_out[UPDATES] + 1
 
     @wp.kernel(module=module)
-    def note_stirred(tables: Tables, starts: wp.array(dtype=wp.int32), stirred_out: wp.array(dtype=wp.int32)):
-        """Whether a block has corners that have been given impulses."""
+    def note_stirred(
+        tables: Tables,
+        starts: wp.array(dtype=wp.int32),
+        lost: wp.array(dtype=wp.int32),
+        stirred_out: wp.array(dtype=wp.int32),
+    ):
+        """Whether a block has corners that may have been given impulses; all have if not all risks were listed."""
         b = wp.tid()
-        stirred = wp.where(starts[BLOCK * b + BLOCK] > starts[BLOCK * b], 1, 0)
+        stirred = wp.where(starts[BLOCK * b + BLOCK] > starts[BLOCK * b] or lost[0] > 0, 1, 0)
         for k in range(tables.border_start[b], tables.border_start[b + 1]):
             s = tables.border[k]
             if starts[s + 1] > starts[s]:
@@ -486,16 +573,12 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         stirred_out[b] = stirred
 
     @wp.kernel(module=module)
-    def begin_round(share_out: wp.array(dtype=real)):
+    def begin_round(share_out: wp.array(dtype=real), lost_out: wp.array(dtype=wp.int32)):
         share_out[0] = one
+        lost_out[0] = 0
 
     @wp.kernel(module=module)
-    def judge_round(
-        rounds: int,
-        counts: wp.array(dtype=wp.int32),
-        share: wp.array(dtype=real),
-        state_out: wp.array(dtype=wp.int32),
-    ):
+    def judge_round(rounds: int, share: wp.array(dtype=real), state_out: wp.array(dtype=wp.int32)):
         """Go on while there are risks and rounds left; then the whole displacement is shortened."""
         state_out[ROUND] = state_out[ROUND] + 1
         risks = share[0] < one
@@ -504,8 +587,6 @@ def contact_impulses(real: Any) -> SimpleNamespace:
             if risks:
                 state_out[LIMITED] = 1
                 state_out[SHORTENED] = state_out[SHORTENED] + 1
-        if risks and state_out[ROUND] == 1:
-            state_out[CUT] = state_out[CUT] + counts[LENGTH]
 
     @wp.kernel(module=module)
     def shorten(
@@ -516,12 +597,55 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         i, j = row + 1, column + halo
         store3(direction_out, 0, i, j, share[0] * words.load3(direction_out, 0, i, j))
 
+    @wp.kernel(module=module)
+    def find_way(
+        halo: int,
+        slots: wp.array2d(dtype=wp.int32),
+        position: wp.array3d(dtype=real),
+        goal: wp.array3d(dtype=real),
+        direction_out: wp.array3d(dtype=real),
+    ):
+        row, column = wp.tid()
+        i, j = row + 1, column + halo
+        store3(direction_out, 0, i, j, words.load3(goal, 0, i, j) - words.load3(position, 0, i, j))
+
+    @wp.kernel(module=module)
+    def go_way(
+        halo: int,
+        slots: wp.array2d(dtype=wp.int32),
+        position: wp.array3d(dtype=real),
+        direction: wp.array3d(dtype=real),
+        goal_out: wp.array3d(dtype=real),
+    ):
+        row, column = wp.tid()
+        i, j = row + 1, column + halo
+        store3(goal_out, 0, i, j, words.load3(position, 0, i, j) + words.load3(direction, 0, i, j))
+
+    @wp.kernel(module=module)
+    def measure_lag(
+        halo: int,
+        slots: wp.array2d(dtype=wp.int32),
+        mass: wp.array3d(dtype=real),
+        free: wp.array3d(dtype=real),
+        target: wp.array3d(dtype=real),
+        position: wp.array3d(dtype=real),
+        lag_out: wp.array(dtype=real),
+    ):
+        """How far behind its target the last pinned node is."""
+        row, column = wp.tid()
+        i, j = row + 1, column + halo
+        if mass[0, i, j] > zero and free[0, i, j] == zero:
+            away = words.load3(position, 0, i, j) - words.load3(target, 0, i, j)
+            wp.atomic_max(lag_out, 0, wp.length(away))
+
     return SimpleNamespace(
         module=module,
         Wall=Wall,
         Amounts=W,
         raise_walls=raise_walls,
         find_impulses=find_impulses,
+        count_pushed=count_pushed,
+        share_impulses=share_impulses,
         give_impulses=give_impulses,
         return_directions=return_directions,
         begin_guard=begin_guard,
@@ -529,4 +653,7 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         begin_round=begin_round,
         judge_round=judge_round,
         shorten=shorten,
+        find_way=find_way,
+        go_way=go_way,
+        measure_lag=measure_lag,
     )

@@ -59,3 +59,24 @@ class Contact:
         gap = self.gap if self.gap is not None else min(USUAL_GAP, LARGEST_GAP * spacing)
         speed = self.design_speed if self.design_speed is not None else max(1.0, 1.2 * expected_speed)
         return gap, field_constants(speed, gap, math.hypot(*gravity))
+
+
+@dataclass(frozen=True)
+class ContactStep:
+    """What contact reports of one step.
+
+    Attributes:
+        pairs: Pairs that feel each other at its end.
+        lost: Pairs that did not fit into the lists; forces miss them, the guard does not.
+        guard_active: Share of the nodes that the guard pushed, mean over the updates of the step.
+        shortened: Updates that the guard shortened as a whole.
+        smallest_distance: Of skins that feel each other [m]; 1e30 where nothing is near.
+        lag: How far behind their targets pinned nodes are [m].
+    """
+
+    pairs: int
+    lost: int
+    guard_active: float
+    shortened: int
+    smallest_distance: float
+    lag: float

@@ -15,6 +15,10 @@ from warpdeform.forces.obstacle_field import ObstacleField
 from warpdeform.handle import BodyHandle
 from warpdeform.settings import Settings
 
+PRESSED = 1.0
+"""Strain whose elastic forces the field is to hold where its design speed is left out."""
+RANGE_OF_SPACING = 0.03
+"""Range of a field over the spacing of the nodes, about, for this estimate."""
 FADED = 4.0
 """Ranges beyond the gap at which the field of bodies ends: there it is 0.02 of what it is at the gap."""
 
@@ -54,7 +58,9 @@ def add_contacts(
     for contact in pairs:
         a, b = (taking[number[name]] for name in contact.bodies)
         spacing = min(a.model.spacing, b.model.spacing)
-        gap, constants = contact.constants(settings.gravity, spacing, _expected_speed(a, b, settings))
+        gap, constants = contact.constants(
+            settings.gravity, spacing, max(_expected_speed(a, b, settings), _press(a, b))
+        )
         touching.append(
             Touching(
                 bodies=(number[a.name], number[b.name]),
@@ -68,10 +74,13 @@ def add_contacts(
         )
     surfaces = [Surface(h.model.grid, h.rest_positions, h.model.spacing) for h in taking]
     system = ContactSystem([h.state for h in taking], surfaces, [h.model.node_mass for h in taking], touching)
+    fields = [(h, each) for h in taking for each in h.terms if isinstance(each, ObstacleField)]
+    system.guarding.others += [(field, handle.state) for handle, field in fields]
     for handle, term in zip(taking, system.terms(), strict=True):
-        fields = [each for each in handle.terms if isinstance(each, ObstacleField)]
-        system.guarding.others += [(each, handle.state) for each in fields]
         handle.terms = (*handle.terms, term)
+    pushed = any(not obstacle.track.static for _, field in fields for obstacle in field.obstacles)
+    if pushed or any(handle.model.pins_move for handle in taking):
+        system.targets = tuple(handle.model.target for handle in taking)
     return system
 
 
@@ -81,6 +90,25 @@ def _check(contact: Contact, names: Sequence[str]) -> bool:
             remedy = f"Use one of: {', '.join(names)}."
             raise InputError(Mistake("contact.bodies", name, "is not the name of a body", remedy))
     return True
+
+
+def _press(a: BodyHandle, b: BodyHandle) -> float:
+    """Speed whose field holds what a body strained by `PRESSED` presses with, node by node [m/s].
+
+    A node of mass m whose elastic block is D presses with about D h times the strain on what it is wrapped around; the
+    field of a range eps carries at most m V^2/(2 eps). Of twisted cloth the field of its speed alone carries a hundredth.
+    """
+    squares = []
+    for handle in (a, b):
+        model, state = handle.model, handle.state
+        blocks = model.zeros(6)
+        handle.elasticity.linearise(state, state.x)
+        handle.elasticity.add_block_diagonal(state, blocks)
+        stiffness = model.download(blocks)[..., :3].mean(axis=-1)
+        shown = stiffness > 0.0
+        rate = float(np.median(stiffness[shown] / model.node_mass[shown])) if shown.any() else 0.0
+        squares.append(2.0 * PRESSED * RANGE_OF_SPACING * model.spacing**2 * rate)
+    return math.sqrt(max(squares))
 
 
 def _expected_speed(a: BodyHandle, b: BodyHandle, settings: Settings) -> float:

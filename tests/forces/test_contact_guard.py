@@ -9,7 +9,7 @@ from contacts import GAP, Scene, folded, wrinkled
 
 import warpdeform as wd
 from warpdeform.crossings import crossing_pairs
-from warpdeform.kernels.contact_guard import CUT, SHORTENED
+from warpdeform.kernels.contact_guard import PUSHED, SHORTENED
 
 Array = np.ndarray[Any, Any]
 
@@ -85,7 +85,7 @@ def test_what_is_not_at_risk_goes_its_way_to_the_bit(kind: str) -> None:
     for displacements in (together, turning, apart):
         guarded = s.guard(positions, displacements)
         assert all(np.array_equal(a, b) for a, b in zip(guarded, displacements, strict=True))
-        assert s.system.guarding.state.numpy()[CUT] == 0
+        assert s.system.guarding.state.numpy()[PUSHED] == 0
 
 
 def test_impulses_give_no_momentum() -> None:

@@ -7,13 +7,15 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpdeform.contact import ContactStep
 from warpdeform.forces.contact_friction import ContactFriction
 from warpdeform.forces.contact_guard import GUARD_KERNELS, ContactGuard
 from warpdeform.forces.contact_lists import FoundRows, PairList
 from warpdeform.forces.contact_mesh import Surface
 from warpdeform.forces.contact_slots import ContactSlots
 from warpdeform.forces.force import BodyArrays, Force
-from warpdeform.kernels.contact import FITTED, LIST_STATE, STALE, contact
+from warpdeform.kernels.contact import FAR, FITTED, LIST_STATE, STALE, contact
+from warpdeform.kernels.contact_guard import PUSHED, SHORTENED, UPDATES
 from warpdeform.kernels.contact_search import contact_search
 from warpdeform.launching import choose, do_alone
 
@@ -69,6 +71,9 @@ class ContactSystem:
         surfaces: What they show.
         masses: Node masses [kg], by the nodes of each body.
         touching: Which of them feel each other.
+
+    Attributes:
+        targets: Where pinned nodes are held [m], of each body; empty where no pins move and no obstacles push.
     """
 
     def __init__(
@@ -102,7 +107,9 @@ class ContactSystem:
         self.friction: ContactFriction | None = None
         if any(each.friction > 0.0 for each in touching):
             self.friction = ContactFriction(slots, self.list, self._stale, bodies[0].iteration)
-        self._fitted = ""
+        self._closest = slots.zeros(1, slots.real)
+        self._nodes, self._fitted = nodes, ""
+        self.targets: Sequence[wp.array] = ()
         self.clear()
 
     def terms(self) -> list["Contact"]:
@@ -119,6 +126,7 @@ class ContactSystem:
     def begin(self) -> None:
         """A step begins."""
         do_alone(self.list.lost.zero_)
+        do_alone(lambda: self._closest.fill_(FAR))
         self.guarding.begin()
         if self.friction:
             self.friction.begin()
@@ -128,6 +136,26 @@ class ContactSystem:
         """The step is accepted where `linearise` was asked for last."""
         if self.friction:
             self.friction.finish(self._shares)
+        if self.targets:
+            self.guarding.measure_lag(self.targets, "x")
+
+    def carry(self, start: str) -> None:
+        """Let pins, and what obstacles push, go from `x` to `start` so that nothing crosses on the way."""
+        self.guarding.find_way("x", start, "direction")
+        self.guard("x", "direction")
+        self.guarding.go_way("x", "direction", start)
+
+    def report(self) -> ContactStep:
+        """What the last step reported (host)."""
+        state, (pairs, _, lost) = self.guarding.state.numpy(), self.list.counts.numpy()
+        return ContactStep(
+            pairs=int(pairs),
+            lost=int(lost),
+            guard_active=float(state[PUSHED] / max(int(state[UPDATES]) * self._nodes, 1)),
+            shortened=int(state[SHORTENED]),
+            smallest_distance=float(self._closest.numpy()[0]),
+            lag=float(self.guarding.lag.numpy()[0]),
+        )
 
     def clear(self) -> None:
         """Forget all pairs."""
@@ -161,7 +189,7 @@ class ContactSystem:
     def _linearise(self) -> None:
         slots = self.slots
         laws = (slots.scene.laws, self._weights)
-        self._on_pairs("linearise_pairs", *laws, slots.points, self._shares, self._pushes)
+        self._on_pairs("linearise_pairs", *laws, slots.points, self._closest, self._shares, self._pushes)
         if self.friction:
             self.friction.linearise(self._shares, self._pushes)
         entered = (self.list.starts, self.list.entries, self._shares, self._pushes)
@@ -273,6 +301,10 @@ class Contact(Force):
         if self._leads:
             self.system.multiply(_name_of(body, direction))
         self.system.add_couplings(self._body, direction, product)
+
+    def carry(self, body: BodyArrays, start: wp.array) -> None:
+        if self._ends and self.system.targets:
+            self.system.carry(_name_of(body, start))
 
     def guard(self, body: BodyArrays, position: wp.array, direction: wp.array) -> None:
         if self._ends:

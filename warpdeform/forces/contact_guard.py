@@ -21,7 +21,7 @@ RISKS_PER_NODE = 2
 """Pairs at risk that the guard takes on at a time, per node; what does not fit is found again in the next round."""
 ROUNDS = 16
 """How often the guard looks for pairs at risk before it shortens everything."""
-SWEEPS = 6
+SWEEPS = 40
 """How often the pairs at risk are given impulses before they are looked for again."""
 
 
@@ -36,8 +36,9 @@ class ContactGuard:
         nodes: Nodes of all bodies.
 
     Attributes:
-        state: int32 (ACTIVE, ROUND, LIMITED, CUT, SHORTENED) of :mod:`warpdeform.kernels.contact_guard`; the last two
-            count over a step: pairs at risk when first looked for, and updates that were shortened as a whole.
+        state: int32 entries of :mod:`warpdeform.kernels.contact_guard`; UPDATES, PUSHED and SHORTENED count over a step:
+            updates, nodes that were pushed in them, and updates that were shortened as a whole.
+        lag: How far behind their targets pinned nodes are at the end of a step [m], shape (1,).
         others: Terms, with their bodies, whose own guards must hold too.
     """
 
@@ -51,19 +52,49 @@ class ContactGuard:
         self._directions, self._drifts = slots.vectors(), slots.tree()
         self._walls = slots.zeros(self._risks.capacity, self._impulses.Wall)
         self._amounts = slots.zeros(self._risks.capacity, self._impulses.Amounts)
+        self._pushed = slots.zeros(slots.count, wp.int32)
         self._stirred = slots.zeros(slots.blocks, wp.int32)
         self.state, self._share = slots.zeros(GUARD_STATE, wp.int32), slots.zeros(1, slots.real)
         self._active, self._limited = (self.state[entry : entry + 1] for entry in (ACTIVE, LIMITED))
+        self.lag = slots.zeros(1, slots.real)
         self.others: list[tuple[Force, BodyArrays]] = []
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
-        arrays = (self._directions, self._drifts, self._walls, self._amounts, self._stirred, self.state, self._share)
+        arrays = (
+            self._directions,
+            self._drifts,
+            self._walls,
+            self._amounts,
+            self._pushed,
+            self._stirred,
+            self.state,
+            self._share,
+        )
         return sum(int(array.capacity) for array in arrays) + self._risks.bytes()
 
     def begin(self) -> None:
         """A step begins: nothing has been cut yet."""
         do_alone(self.state.zero_)
+        do_alone(self.lag.zero_)
+
+    def find_way(self, position: str, goal: str, direction: str) -> None:
+        """direction = goal - position."""
+        for k, body in enumerate(self._slots.bodies):
+            vectors = (getattr(body, name) for name in (position, goal, direction))
+            self._slots.launch_nodes(self._impulses.find_way, k, *vectors)
+
+    def go_way(self, position: str, direction: str, goal: str) -> None:
+        """goal = position + direction."""
+        for k, body in enumerate(self._slots.bodies):
+            vectors = (getattr(body, name) for name in (position, direction, goal))
+            self._slots.launch_nodes(self._impulses.go_way, k, *vectors)
+
+    def measure_lag(self, targets: Sequence[wp.array], position: str) -> None:
+        """Note how far behind their targets pinned nodes are."""
+        for k, (body, target) in enumerate(zip(self._slots.bodies, targets, strict=True)):
+            inputs = (body.mass, body.free, target, getattr(body, position), self.lag)
+            self._slots.launch_nodes(self._impulses.measure_lag, k, *inputs)
 
     def guard(self, position: str, direction: str) -> None:
         """Change displacements of all bodies; the boxes of the slots are around `position`.
@@ -82,29 +113,30 @@ class ContactGuard:
         slots, found = self._slots, self._found
         slots.gather(direction, self._directions)
         slots.fit_tree(self._directions, self._drifts)
-        slots.launch(self._impulses.begin_round, 1, self._share)
+        slots.launch(self._impulses.begin_round, 1, self._share, self._risks.lost)
         slots.launch(
             self._search.find_risks, (slots.blocks, slots.parts), slots.parts, self._spacing, slots.tables, slots.scene,
             self._directions, self._drifts, self._stirred, self._risks.lost, self._share,
             found.numbers, found.points, found.edges,
         )  # fmt: skip
         self._risks.pack(slots.tables)
-        slots.launch(self._impulses.judge_round, 1, ROUNDS, self._risks.counts, self._share, self.state)
+        slots.launch(self._impulses.judge_round, 1, ROUNDS, self._share, self.state)
         choose(self._active, lambda: self._push(position, direction), None)
 
     def _push(self, position: str, direction: str) -> None:
         slots, risks, kernels = self._slots, self._risks, self._impulses
         listed = (risks.threads, risks.counts, risks.pairs)
         slots.launch(kernels.raise_walls, risks.threads, *listed, slots.scene.laws, slots.points, self._walls)
+        masses, entered = self._inverse_masses, (risks.starts, risks.entries)
         for _ in range(SWEEPS):
             slots.launch(
-                kernels.find_impulses, risks.threads, *listed, self._walls, risks.starts, self._inverse_masses,
-                self._directions, self._amounts,
-            )  # fmt: skip
-            given = (risks.starts, risks.entries, self._walls, self._amounts)
-            slots.launch(kernels.give_impulses, slots.count, *given, self._directions)
-        slots.launch(kernels.note_stirred, slots.blocks, slots.tables, risks.starts, self._stirred)
-        self._on_nodes(kernels.return_directions, direction, risks.starts, self._directions)
+                kernels.find_impulses, risks.threads, *listed, self._walls, masses, self._directions, self._amounts
+            )
+            slots.launch(kernels.count_pushed, slots.count, *entered, self._amounts, self._pushed)
+            slots.launch(kernels.share_impulses, risks.threads, *listed, self._pushed, self._amounts)
+            slots.launch(kernels.give_impulses, slots.count, *entered, self._walls, self._amounts, self._directions)
+        slots.launch(kernels.note_stirred, slots.blocks, slots.tables, risks.starts, risks.lost, self._stirred)
+        self._on_nodes(kernels.return_directions, direction, risks.starts, self._directions, self.state)
         for term, body in self.others:
             term.guard(body, getattr(body, position), getattr(body, direction))
 

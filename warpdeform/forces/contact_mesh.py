@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +122,7 @@ class ContactMesh:
     ) -> None:
         """Add the blocks of a rectangle of tiles, and the boxes around its halves, and around theirs."""
         if tiles.size == 1:
-            nodes: Ints = tiles.flat[0]
+            nodes: Any = tiles.flat[0]
             if len(nodes):
                 tree.leaf(len(self._tiles), body)
                 self._tiles.append(nodes)
