@@ -42,8 +42,6 @@ NEARLY = 0.999
 """Largest share of its way that a pair at risk may go."""
 TARGET = 0.7
 """The same, for what impulses aim at: a margin for what they do to each other."""
-RECOVERY = 1.5
-"""What impulses aim at for a pair below the floor, in separations."""
 TOLERANCE = 1e-3
 """Share of the separation that a pair below the floor may lose all the same: so that round-off is no risk."""
 ROUND_OFF = 20.0
@@ -55,11 +53,12 @@ HALF_CONE = 1.047
 # Entries of the int32 state of the guard.
 ACTIVE = wp.constant(0)
 ROUND = wp.constant(1)
-LIMITED = wp.constant(2)
-UPDATES = wp.constant(3)
-PUSHED = wp.constant(4)
-SHORTENED = wp.constant(5)
-GUARD_STATE = 6
+ZONED = wp.constant(2)
+LIMITED = wp.constant(3)
+UPDATES = wp.constant(4)
+PUSHED = wp.constant(5)
+SHORTENED = wp.constant(6)
+GUARD_STATE = 7
 
 
 @functools.cache
@@ -391,12 +390,25 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         Attributes:
             n: Unit normal, towards the first side.
             heights: Of the corners along it, from the first corner on [m].
-            need: Separation that the pair is to keep [m].
+            need: Separation that impulses are to leave [m].
+            enough: Separation above which the pair is not at risk [m].
+            risk: 1 if it is at risk.
         """
 
         n: V
         heights: W
         need: real
+        enough: real
+        risk: wp.int32
+
+    @wp.func
+    def heights_after(pair: Pair, wall: Wall, directions: wp.array3d(dtype=real)):
+        """Heights of the corners when they have gone their way."""
+        n = wall.n
+        return wall.heights + W(
+            wp.dot(n, at_slot(directions, pair.a)), wp.dot(n, at_slot(directions, pair.b)),
+            wp.dot(n, at_slot(directions, pair.c)), wp.dot(n, at_slot(directions, pair.d)),
+        )  # fmt: skip
 
     @wp.kernel(module=module)
     def raise_walls(
@@ -428,10 +440,33 @@ def contact_impulses(real: Any) -> SimpleNamespace:
             wall.n = n
             wall.heights = W(zero, b, c, d)
             floor = laws[pair.law].floor
-            wall.need = separation - real(TARGET) * wp.max(separation - floor, zero)
+            room = wp.max(separation - floor, zero)
+            wall.need = separation - real(TARGET) * room
             if separation < floor:
-                wall.need = wp.min(floor, real(RECOVERY) * separation)
+                wall.need = floor
+            wall.enough = separation - real(ALLOWED) * room - real(TOLERANCE) * separation
             walls_out[k] = wall
+            k += threads
+
+    @wp.kernel(module=module)
+    def judge_walls(
+        threads: int,
+        counts: wp.array(dtype=wp.int32),
+        pairs: wp.array(dtype=Pair),
+        directions: wp.array3d(dtype=real),
+        walls_out: wp.array(dtype=Wall),
+    ):
+        """Which of the listed pairs are at risk."""
+        k = wp.tid()
+        while k < counts[LENGTH]:
+            wall = walls_out[k]
+            u = heights_after(pairs[k], wall, directions)
+            low = wp.min(u[0] - u[2], u[0] - u[3])
+            if pairs[k].edges == 1:
+                low = wp.min(low, wp.min(u[1] - u[2], u[1] - u[3]))
+            else:
+                low = wp.min(low, u[0] - u[1])
+            walls_out[k].risk = wp.where(low < wall.enough, 1, 0)
             k += threads
 
     @wp.func
@@ -458,11 +493,7 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         k = wp.tid()
         while k < counts[LENGTH]:
             pair, wall = pairs[k], walls[k]
-            n = wall.n
-            u = wall.heights + W(
-                wp.dot(n, at_slot(directions, pair.a)), wp.dot(n, at_slot(directions, pair.b)),
-                wp.dot(n, at_slot(directions, pair.c)), wp.dot(n, at_slot(directions, pair.d)),
-            )  # fmt: skip
+            u = heights_after(pair, wall, directions)
             wa, wb = inverse_masses[pair.a], inverse_masses[pair.b]
             wc, wd = inverse_masses[pair.c], inverse_masses[pair.d]
             amounts = W()
@@ -553,6 +584,7 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         if b == 0:
             state_out[ACTIVE] = 1
             state_out[ROUND] = 0
+            state_out[ZONED] = 0
             state_out[LIMITED] = 0
             state_out[UPDATES] = state_out[UPDATES] + 1
 
@@ -578,10 +610,11 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         lost_out[0] = 0
 
     @wp.kernel(module=module)
-    def judge_round(rounds: int, share: wp.array(dtype=real), state_out: wp.array(dtype=wp.int32)):
-        """Go on while there are risks and rounds left; then the whole displacement is shortened."""
+    def judge_round(impulse_rounds: int, rounds: int, share: wp.array(dtype=real), state_out: wp.array(dtype=wp.int32)):
+        """Go on while there are risks: with impulses, then with zones; then the whole displacement is shortened."""
         state_out[ROUND] = state_out[ROUND] + 1
         risks = share[0] < one
+        state_out[ZONED] = wp.where(state_out[ROUND] > impulse_rounds, 1, 0)
         if state_out[ROUND] > rounds or not risks:
             state_out[ACTIVE] = 0
             if risks:
@@ -643,6 +676,7 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         Wall=Wall,
         Amounts=W,
         raise_walls=raise_walls,
+        judge_walls=judge_walls,
         find_impulses=find_impulses,
         count_pushed=count_pushed,
         share_impulses=share_impulses,

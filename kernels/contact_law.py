@@ -21,6 +21,8 @@ def contact_law(real: Any) -> Any:
             cutoff: Distance of the skins beyond which there is no force.
             offset: Distance of the middle surfaces at which the skins touch.
             gap: Distance of the skins at rest.
+            inner: Distance of the middle surfaces towards which the wall grows without bound.
+            wall: Thickness of the wall outside of it.
             floor: Distance of the middle surfaces below which the guard lets nothing come nearer.
             friction: Coefficient.
         """
@@ -31,6 +33,8 @@ def contact_law(real: Any) -> Any:
         cutoff: real
         offset: real
         gap: real
+        inner: real
+        wall: real
         floor: real
         friction: real
 

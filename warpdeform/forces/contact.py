@@ -25,8 +25,12 @@ ROW_CAPACITY = 96
 """Pairs of either kind that one block of nodes may have."""
 PAIRS_PER_NODE = 3
 """Pairs that the whole scene may have, per node."""
-FLOOR = 0.02
-"""Share of the gap below which the guard lets nothing come nearer."""
+INNER = 0.5
+"""Share of the distance at which skins touch that nothing is pressed below."""
+WALL = 0.5
+"""Share of the gap at which the wall begins."""
+FLOOR = 0.01
+"""Share of the gap, outside of the wall's inside, below which the guard lets nothing come nearer."""
 SLACK = 0.2
 """Share of the smallest gap that nodes may have moved since a list of pairs was made, for it to be used again."""
 
@@ -55,9 +59,11 @@ class Touching:
 
     def law(self) -> dict[str, float]:
         """The record for kernels."""
+        inner = INNER * self.offset
         return {
             "active": 1, "strength": 0.5 * self.design_speed**2, "eps": self.range, "cutoff": self.cutoff,
-            "offset": self.offset, "gap": self.gap, "floor": FLOOR * self.gap, "friction": self.friction,
+            "offset": self.offset, "gap": self.gap, "friction": self.friction,
+            "inner": inner, "wall": self.offset + WALL * self.gap - inner, "floor": inner + FLOOR * self.gap,
         }  # fmt: skip
 
 
