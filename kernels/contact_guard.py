@@ -36,6 +36,8 @@ HITS = 32
 """Blocks that a thread takes from the tree at a time."""
 ALLOWED = 0.9
 """Share of its separation above the floor that a pair may lose in one update."""
+INTO_WALL = 0.5
+"""Share of its room inside the wall that counts as room: the potential must not rise too much in one update."""
 WATCHED = 0.5
 """The same from which on a pair is listed: impulses of others may put it at risk."""
 NEARLY = 0.999
@@ -53,12 +55,29 @@ HALF_CONE = 1.047
 # Entries of the int32 state of the guard.
 ACTIVE = wp.constant(0)
 ROUND = wp.constant(1)
-ZONED = wp.constant(2)
-LIMITED = wp.constant(3)
-UPDATES = wp.constant(4)
-PUSHED = wp.constant(5)
-SHORTENED = wp.constant(6)
-GUARD_STATE = 7
+HALVE = wp.constant(2)
+HALVINGS = wp.constant(3)
+LIMITED = wp.constant(4)
+UPDATES = wp.constant(5)
+PUSHED = wp.constant(6)
+SHORTENED = wp.constant(7)
+GUARD_STATE = 8
+
+
+@functools.cache
+def kept_separation(real: Any) -> Any:
+    """The device function that says what is left of a pair's separation, for one precision."""
+    Law = contact_law(real)
+
+    @wp.func
+    def kept(separation: real, law: Law, allowed: real):
+        """Separation after a loss of a share of the room: what is outside of the wall enters it by a part at most."""
+        edge = law.inner + law.wall
+        room = wp.max(separation - edge, real(0.0))
+        room += real(INTO_WALL) * wp.max(wp.min(separation, edge) - law.floor, real(0.0))
+        return separation - allowed * room
+
+    return kept
 
 
 @functools.cache
@@ -75,6 +94,7 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
     Hits = wp.types.vector(HITS, wp.int32)
     groups = BLOCK // width
     zero, one, tiny = real(0.0), real(1.0), real(1e-30)
+    kept = kept_separation(real)
     round_off = real(ROUND_OFF * EPSILONS[real])
     module = kernel_module("contact_guard", width, real)
 
@@ -122,16 +142,15 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
         return ok
 
     @wp.func
-    def free_share(separation: real, end: real, floor: real, least: real):
+    def free_share(separation: real, end: real, law: Law, least: real):
         """How much of its way a pair may go: less than 1 if it is at risk, 1 if it may come to be, else 2.
 
         What is at risk is never let nearer than half its separation, nor than `least`.
         """
-        room = wp.max(separation - floor, zero)
         share = real(2.0)
-        if end < separation - real(WATCHED) * room:
+        if end < kept(separation, law, real(WATCHED)):
             share = one
-        need = separation - real(ALLOWED) * room - real(TOLERANCE) * separation
+        need = kept(separation, law, real(ALLOWED)) - real(TOLERANCE) * separation
         if end < need:
             keep = wp.min(need, wp.max(real(0.5) * separation, least))
             share = wp.clamp((separation - keep) / wp.max(separation - end, tiny), zero, real(NEARLY))
@@ -154,7 +173,7 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
             ea = sa + wp.dot(n, d - at_slot(directions, a))
             eb = sb + wp.dot(n, d - at_slot(directions, b))
             ec = sc + wp.dot(n, d - at_slot(directions, c))
-            share = free_share(wp.min(sa, wp.min(sb, sc)), wp.min(ea, wp.min(eb, ec)), law.floor, least)
+            share = free_share(wp.min(sa, wp.min(sb, sc)), wp.min(ea, wp.min(eb, ec)), law, least)
         return share
 
     @wp.func
@@ -179,7 +198,7 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
             pa, pb, qa, qb = wp.dot(n, xp - xa), wp.dot(n, xp - xb), wp.dot(n, xq - xa), wp.dot(n, xq - xb)
             start = wp.min(wp.min(pa, pb), wp.min(qa, qb))
             end = wp.min(wp.min(pa + dp - da, pb + dp - db), wp.min(qa + dq - da, qb + dq - db))
-            share = free_share(start, end, law.floor, least)
+            share = free_share(start, end, law, least)
         return share
 
     @wp.func
@@ -380,7 +399,7 @@ def contact_impulses(real: Any) -> SimpleNamespace:
     geometry, Law, at_slot = closest(real), contact_law(real), box_words(real).at_slot
     point_triangle, segment_segment = geometry.point_triangle, geometry.segment_segment
     W = wp.types.vector(4, real)
-    zero, one, tiny = real(0.0), real(1.0), real(1e-30)
+    zero, one, tiny, kept = real(0.0), real(1.0), real(1e-30), kept_separation(real)
     module = kernel_module("contact_impulses", 1, real)
 
     @wp.struct
@@ -391,15 +410,11 @@ def contact_impulses(real: Any) -> SimpleNamespace:
             n: Unit normal, towards the first side.
             heights: Of the corners along it, from the first corner on [m].
             need: Separation that impulses are to leave [m].
-            enough: Separation above which the pair is not at risk [m].
-            risk: 1 if it is at risk.
         """
 
         n: V
         heights: W
         need: real
-        enough: real
-        risk: wp.int32
 
     @wp.func
     def heights_after(pair: Pair, wall: Wall, directions: wp.array3d(dtype=real)):
@@ -439,34 +454,9 @@ def contact_impulses(real: Any) -> SimpleNamespace:
                 separation = wp.min(separation, -b)
             wall.n = n
             wall.heights = W(zero, b, c, d)
-            floor = laws[pair.law].floor
-            room = wp.max(separation - floor, zero)
-            wall.need = separation - real(TARGET) * room
-            if separation < floor:
-                wall.need = floor
-            wall.enough = separation - real(ALLOWED) * room - real(TOLERANCE) * separation
+            law = laws[pair.law]
+            wall.need = wp.max(kept(separation, law, real(TARGET)), law.floor)
             walls_out[k] = wall
-            k += threads
-
-    @wp.kernel(module=module)
-    def judge_walls(
-        threads: int,
-        counts: wp.array(dtype=wp.int32),
-        pairs: wp.array(dtype=Pair),
-        directions: wp.array3d(dtype=real),
-        walls_out: wp.array(dtype=Wall),
-    ):
-        """Which of the listed pairs are at risk."""
-        k = wp.tid()
-        while k < counts[LENGTH]:
-            wall = walls_out[k]
-            u = heights_after(pairs[k], wall, directions)
-            low = wp.min(u[0] - u[2], u[0] - u[3])
-            if pairs[k].edges == 1:
-                low = wp.min(low, wp.min(u[1] - u[2], u[1] - u[3]))
-            else:
-                low = wp.min(low, u[0] - u[1])
-            walls_out[k].risk = wp.where(low < wall.enough, 1, 0)
             k += threads
 
     @wp.func
@@ -573,7 +563,11 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         s = slots[i, j]
         if s >= 0 and starts[s + 1] > starts[s]:
             d = at_slot(directions, s)
-            if state_out[ROUND] == 1 and wp.length(d - words.load3(direction_out, 0, i, j)) > zero:
+            if (
+                state_out[ROUND] == 1
+                and state_out[HALVINGS] == 0
+                and wp.length(d - words.load3(direction_out, 0, i, j)) > zero
+            ):
                 wp.atomic_add(state_out, PUSHED, 1)
             store3(direction_out, 0, i, j, d)
 
@@ -584,7 +578,8 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         if b == 0:
             state_out[ACTIVE] = 1
             state_out[ROUND] = 0
-            state_out[ZONED] = 0
+            state_out[HALVE] = 0
+            state_out[HALVINGS] = 0
             state_out[LIMITED] = 0
             state_out[UPDATES] = state_out[UPDATES] + 1
 
@@ -610,16 +605,49 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         lost_out[0] = 0
 
     @wp.kernel(module=module)
-    def judge_round(impulse_rounds: int, rounds: int, share: wp.array(dtype=real), state_out: wp.array(dtype=wp.int32)):
-        """Go on while there are risks: with impulses, then with zones; then the whole displacement is shortened."""
+    def judge_round(rounds: int, halvings: int, share: wp.array(dtype=real), state_out: wp.array(dtype=wp.int32)):
+        """Go on while there are risks; after so many rounds with half of the displacements, in the end shorten them."""
         state_out[ROUND] = state_out[ROUND] + 1
+        state_out[HALVE] = 0
         risks = share[0] < one
-        state_out[ZONED] = wp.where(state_out[ROUND] > impulse_rounds, 1, 0)
-        if state_out[ROUND] > rounds or not risks:
-            state_out[ACTIVE] = 0
-            if risks:
+        if risks and state_out[ROUND] > rounds:
+            if state_out[HALVINGS] < halvings:
+                state_out[HALVE] = 1
+                state_out[HALVINGS] = state_out[HALVINGS] + 1
+                state_out[ROUND] = 0
+            else:
                 state_out[LIMITED] = 1
-                state_out[SHORTENED] = state_out[SHORTENED] + 1
+                state_out[ACTIVE] = 0
+            state_out[SHORTENED] = state_out[SHORTENED] + 1
+        if not risks:
+            state_out[ACTIVE] = 0
+
+    @wp.kernel(module=module)
+    def keep_directions(directions: wp.array3d(dtype=real), wanted_out: wp.array3d(dtype=real)):
+        s = wp.tid()
+        store3(wanted_out, 0, s >> 4, s & 15, at_slot(directions, s))
+
+    @wp.kernel(module=module)
+    def halve_wanted(stirred_out: wp.array(dtype=wp.int32), wanted_out: wp.array3d(dtype=real)):
+        s = wp.tid()
+        store3(wanted_out, 0, s >> 4, s & 15, real(0.5) * at_slot(wanted_out, s))
+        stirred_out[s >> 4] = 1
+
+    @wp.kernel(module=module)
+    def halve_directions(
+        halo: int,
+        slots: wp.array2d(dtype=wp.int32),
+        wanted: wp.array3d(dtype=real),
+        direction_out: wp.array3d(dtype=real),
+    ):
+        """Half of what nodes wanted to go before the guard changed it."""
+        row, column = wp.tid()
+        i, j = row + 1, column + halo
+        s = slots[i, j]
+        d = real(0.5) * words.load3(direction_out, 0, i, j)
+        if s >= 0:
+            d = at_slot(wanted, s)
+        store3(direction_out, 0, i, j, d)
 
     @wp.kernel(module=module)
     def shorten(
@@ -676,7 +704,6 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         Wall=Wall,
         Amounts=W,
         raise_walls=raise_walls,
-        judge_walls=judge_walls,
         find_impulses=find_impulses,
         count_pushed=count_pushed,
         share_impulses=share_impulses,
@@ -686,6 +713,9 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         note_stirred=note_stirred,
         begin_round=begin_round,
         judge_round=judge_round,
+        keep_directions=keep_directions,
+        halve_wanted=halve_wanted,
+        halve_directions=halve_directions,
         shorten=shorten,
         find_way=find_way,
         go_way=go_way,

@@ -99,23 +99,27 @@ def test_impulses_give_no_momentum() -> None:
     assert np.abs(change.sum(axis=0)).max() < 1e-13 * np.abs(change).sum()
 
 
-def test_what_does_not_fit_and_what_does_not_end_is_safe(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name, value in (("RISKS_PER_NODE", 0.02), ("ROUNDS", 0), ("SWEEPS", 1)):
-        with monkeypatch.context() as patch:
-            patch.setattr(f"warpdeform.forces.contact_guard.{name}", value)
-            shapes, positions = scene("stacked")[0].models, scene("stacked")[1]
-            s = Scene([model.body.shape for model in shapes])
-            guarded = s.guard(positions, waves(positions, 0.05, 2))
-        assert crossings_on_the_way(s, positions, guarded) == [0] * len(ON_THE_WAY)
-        assert name != "ROUNDS" or s.system.guarding.state.numpy()[SHORTENED] == 1
-    # Shortened as a whole, to the same share everywhere.
-    monkeypatch.setattr("warpdeform.forces.contact_guard.ROUNDS", 0)
-    s = Scene([model.body.shape for model in shapes])
+@pytest.mark.parametrize(
+    "limits", [{"RISKS_PER_NODE": 0.02}, {"SWEEPS": 1}, {"ROUNDS": 1}, {"ROUNDS": 0, "HALVINGS": 0}], ids=str
+)
+def test_what_does_not_fit_and_what_does_not_end_is_safe(
+    limits: dict[str, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, value in limits.items():
+        monkeypatch.setattr(f"warpdeform.forces.contact_guard.{name}", value)
+    models, positions = scene("stacked")[0].models, scene("stacked")[1]
+    s = Scene([model.body.shape for model in models])
     wild = waves(positions, 0.05, 2)
     guarded = s.guard(positions, wild)
-    share = joined(guarded)[0, 0] / joined(wild)[0, 0]
-    assert 0.0 < share < 1.0
-    assert np.allclose(joined(guarded), share * joined(wild), rtol=1e-12)
+    assert crossings_on_the_way(s, positions, guarded) == [0] * len(ON_THE_WAY)
+    shortened = s.system.guarding.state.numpy()[SHORTENED]
+    if "ROUNDS" in limits:
+        assert shortened > 0
+    if "HALVINGS" in limits:
+        # All of it is shortened to the same share.
+        share = joined(guarded)[0, 0] / joined(wild)[0, 0]
+        assert 0.0 < share < 1.0
+        assert np.allclose(joined(guarded), share * joined(wild), rtol=1e-12)
 
 
 @pytest.mark.parametrize("kind", CASES)

@@ -11,20 +11,19 @@ from warpdeform.forces.force import BodyArrays, Force
 from warpdeform.kernels.contact_guard import (
     ACTIVE,
     GUARD_STATE,
+    HALVE,
     LIMITED,
-    ZONED,
     contact_guard,
     contact_impulses,
 )
-from warpdeform.kernels.contact_zones import SUMS, contact_zones
 from warpdeform.launching import choose, do_alone, repeat_while
 
 RISKS_PER_NODE = 2
 """Pairs at risk that the guard takes on at a time, per node; what does not fit is found again in the next round."""
-IMPULSE_ROUNDS = 10
-"""How often the guard looks for pairs at risk and gives impulses."""
-ROUNDS = 30
-"""How often it looks before it shortens everything; in the rounds after those of impulses, zones move as one."""
+ROUNDS = 20
+"""How often the guard looks for pairs at risk before it halves what nodes want to go."""
+HALVINGS = 5
+"""How often it does so before it shortens what is left."""
 SWEEPS = 12
 """How often the pairs at risk are given impulses before they are looked for again."""
 
@@ -50,20 +49,16 @@ class ContactGuard:
         self, slots: ContactSlots, found: FoundRows, inverse_masses: wp.array, spacing: float, nodes: int
     ) -> None:
         self._slots, self._found, self._inverse_masses = slots, found, inverse_masses
-        self._spacing, self._zoning = slots.real(spacing), contact_zones(slots.real)
-        # A usual mass: sums of masses are kept in units of it.
-        self._unit = slots.real(1.0 / max(float(inverse_masses.numpy().max()), 1e-30))
+        self._spacing = slots.real(spacing)
         self._search, self._impulses = contact_guard(slots.width, slots.real), contact_impulses(slots.real)
         self._risks = PairList(found, slots.parts, slots.count, int(RISKS_PER_NODE * nodes), slots.device)
-        self._directions, self._drifts = slots.vectors(), slots.tree()
+        self._directions, self._wanted, self._drifts = slots.vectors(), slots.vectors(), slots.tree()
         self._walls = slots.zeros(self._risks.capacity, self._impulses.Wall)
         self._amounts = slots.zeros(self._risks.capacity, self._impulses.Amounts)
-        self._zones, self._changed = slots.zeros(slots.count, wp.int32), slots.zeros(1, wp.int32)
-        self._sums: wp.array = wp.zeros((slots.count, SUMS), dtype=wp.int64, device=slots.device)
         self._pushed = slots.zeros(slots.count, wp.int32)
         self._stirred = slots.zeros(slots.blocks, wp.int32)
         self.state, self._share = slots.zeros(GUARD_STATE, wp.int32), slots.zeros(1, slots.real)
-        self._active, self._zoned, self._limited = (self.state[k : k + 1] for k in (ACTIVE, ZONED, LIMITED))
+        self._active, self._halve, self._limited = (self.state[k : k + 1] for k in (ACTIVE, HALVE, LIMITED))
         self.lag = slots.zeros(1, slots.real)
         self.others: list[tuple[Force, BodyArrays]] = []
 
@@ -79,7 +74,7 @@ class ContactGuard:
             self.state,
             self._share,
         )
-        return sum(int(a.capacity) for a in (*arrays, self._zones, self._sums)) + self._risks.bytes()
+        return sum(int(a.capacity) for a in arrays) + self._risks.bytes()
 
     def begin(self) -> None:
         """A step begins: nothing has been cut yet."""
@@ -113,6 +108,8 @@ class ContactGuard:
         """
         slots = self._slots
         slots.launch(self._impulses.begin_guard, slots.blocks, self.state, self._stirred)
+        slots.gather(direction, self._directions)
+        slots.launch(self._impulses.keep_directions, slots.count, self._directions, self._wanted)
         repeat_while(self._active, self._look, position=position, direction=direction)
         choose(self._limited, lambda: self._on_nodes(self._impulses.shorten, direction, self._share), None)
 
@@ -128,23 +125,25 @@ class ContactGuard:
             found.numbers, found.points, found.edges,
         )  # fmt: skip
         self._risks.pack(slots.tables)
-        slots.launch(self._impulses.judge_round, 1, IMPULSE_ROUNDS, ROUNDS, self._share, self.state)
+        slots.launch(self._impulses.judge_round, 1, ROUNDS, HALVINGS, self._share, self.state)
         choose(self._active, lambda: self._push(position, direction), None)
 
     def _push(self, position: str, direction: str) -> None:
-        slots, risks = self._slots, self._risks
-        listed = (risks.threads, risks.counts, risks.pairs)
-        walls = (*listed, slots.scene.laws, slots.points, self._walls)
-        slots.launch(self._impulses.raise_walls, risks.threads, *walls)
-        choose(self._zoned, lambda: self._move_zones(direction), lambda: self._give_impulses(direction))
+        choose(self._halve, lambda: self._start_again(direction), lambda: self._give_impulses(direction))
         for term, body in self.others:
             term.guard(body, getattr(body, position), getattr(body, direction))
+
+    def _start_again(self, direction: str) -> None:
+        """With half of what nodes wanted to go."""
+        slots = self._slots
+        slots.launch(self._impulses.halve_wanted, slots.count, self._stirred, self._wanted)
+        self._on_nodes(self._impulses.halve_directions, direction, self._wanted)
 
     def _give_impulses(self, direction: str) -> None:
         slots, risks, kernels = self._slots, self._risks, self._impulses
         listed = (risks.threads, risks.counts, risks.pairs)
         masses, entered = self._inverse_masses, (risks.starts, risks.entries)
-        slots.launch(self._zoning.begin_zones, slots.count, self._zones)
+        slots.launch(kernels.raise_walls, risks.threads, *listed, slots.scene.laws, slots.points, self._walls)
         for _ in range(SWEEPS):
             slots.launch(
                 kernels.find_impulses, risks.threads, *listed, self._walls, masses, self._directions, self._amounts
@@ -154,27 +153,6 @@ class ContactGuard:
             slots.launch(kernels.give_impulses, slots.count, *entered, self._walls, self._amounts, self._directions)
         slots.launch(kernels.note_stirred, slots.blocks, slots.tables, risks.starts, risks.lost, self._stirred)
         self._on_nodes(kernels.return_directions, direction, risks.starts, self._directions, self.state)
-
-    def _move_zones(self, direction: str) -> None:
-        slots, risks, kernels = self._slots, self._risks, self._zoning
-        listed = (risks.threads, risks.counts, risks.pairs)
-        slots.launch(self._impulses.judge_walls, risks.threads, *listed, self._directions, self._walls)
-        slots.launch(kernels.begin_unite, 1, 1, self._changed)
-        repeat_while(self._changed, self._unite)
-        slots.launch(kernels.clear_sums, slots.count, self._sums)
-        members = (self._zones, self._inverse_masses)
-        slots.launch(kernels.sum_zones, slots.count, self._unit, *members, self._directions, self._sums)
-        slots.launch(kernels.move_zones, slots.count, *members, self._sums, self._directions)
-        noted = (self._zones, self._sums, risks.lost, self._stirred)
-        slots.launch(kernels.note_zones, slots.blocks, slots.tables, *noted)
-        self._on_nodes(kernels.return_zones, direction, self._zones, self._sums, self._directions)
-
-    def _unite(self) -> None:
-        slots, risks, kernels = self._slots, self._risks, self._zoning
-        slots.launch(kernels.begin_unite, 1, 0, self._changed)
-        listed = (risks.threads, risks.counts, risks.pairs)
-        slots.launch(kernels.unite, risks.threads, *listed, self._walls, self._changed, self._zones)
-        slots.launch(kernels.follow, slots.count, self._changed, self._zones)
 
     def _on_nodes(self, kernel: Any, vector: str, *inputs: Any) -> None:
         for k, body in enumerate(self._slots.bodies):
