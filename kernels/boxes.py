@@ -28,7 +28,7 @@ SHARP = -0.87
 
 @wp.struct
 class Tables:
-    """What is constant of blocks, simplices and tree; shapes in :class:`~warpdeform.forces.contact_mesh.ContactMesh`."""
+    """What is constant of blocks, simplices and tree; told in :class:`~warpdeform.forces.contact_mesh.ContactMesh`."""
 
     bodies: wp.int32
     body: wp.array(dtype=wp.int32)

@@ -20,7 +20,7 @@ import warp as wp
 from warpdeform.kernels.boxes import BLOCK, box_words
 from warpdeform.kernels.contact_geometry import closest
 from warpdeform.kernels.contact_law import contact_law
-from warpdeform.kernels.contact_lists import LENGTH, Pair, corner_of
+from warpdeform.kernels.contact_lists import LENGTH, Pair
 from warpdeform.kernels.lanes import kernel_module, lanes
 from warpdeform.kernels.potential import potential
 
@@ -121,7 +121,7 @@ def contact(real: Any) -> SimpleNamespace:
         """Masses of new pairs, which stay while the list does."""
         k = wp.tid()
         while k < counts[LENGTH]:
-            r, w = difference(pairs[k], points)
+            _r, w = difference(pairs[k], points)
             weights_out[k] = reduced_mass(pairs[k], masses, w)
             k += threads
 
@@ -172,7 +172,7 @@ def contact(real: Any) -> SimpleNamespace:
         k = thread
         while k < counts[LENGTH]:
             pair = pairs[k]
-            r, w = difference(pair, points)
+            r, _w = difference(pair, points)
             total += wp.float64(weights[k] * density(pair, laws[pair.law], wp.length(r))[0])
             k += threads
         energies_out[thread] = total

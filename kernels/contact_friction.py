@@ -6,8 +6,8 @@ Per pair of a point and a triangle, with the weights w of its corners, x the pos
     potential  kt |u|^2 / 2 up to |u| = u0, then mu N (|u| - u0/2),   kt = mu N / u0
 
 n, w and N follow the first Newton iterations and are frozen then; with them frozen the gradient is the derivative of
-the potential. What a pair has stretched, u_n, is kept with the point between steps, for either side of its surface: pairs
-come and go as points slide over triangles.
+the potential. What a pair has stretched, u_n, is kept with the point between steps, for either side of its surface:
+pairs come and go as points slide over triangles.
 """
 
 import functools
@@ -177,7 +177,7 @@ def contact_friction(real: Any) -> SimpleNamespace:
         start: wp.array3d(dtype=real),
         anchors_out: wp.array(dtype=Anchors),
     ):
-        """What points keep at the end of the step, stretched to u0 at most: of two contacts, the first and one beyond."""
+        """What points keep at the end of the step, stretched to u0 at most: of the first contact and one beyond it."""
         s = wp.tid()
         kept = Anchors()
         first, second = real(zero), real(zero)

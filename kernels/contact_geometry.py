@@ -75,10 +75,10 @@ def closest(real: Any) -> SimpleNamespace:
         d, e, r = wide(q - p), wide(b - a), wide(p - a)
         dd, ee, de, dr, er = wp.dot(d, d), wp.dot(e, e), wp.dot(d, e), wp.dot(d, r), wp.dot(e, r)
         determinant = dd * ee - de * de
-        none, all = wp.float64(0.0), wp.float64(1.0)
+        none, whole = wp.float64(0.0), wp.float64(1.0)
         if determinant > wp.float64(PARALLEL) * dd * ee:
             s, t = (de * er - ee * dr) / determinant, (dd * er - de * dr) / determinant
-            if s > none and s < all and t > none and t < all:
+            if s > none and s < whole and t > none and t < whole:
                 n = wp.cross(d, e)
                 return narrow((wp.dot(r, n) / determinant) * n), real(s), real(t)
         # The best of the four ends, with the closest point of the other segment.
@@ -87,7 +87,7 @@ def closest(real: Any) -> SimpleNamespace:
         u = share64(er + de, ee)
         other = r + d - u * e
         if wp.dot(other, other) < wp.dot(best, best):
-            s, t, best = all, u, other
+            s, t, best = whole, u, other
         u = share64(-dr, dd)
         other = r + u * d
         if wp.dot(other, other) < wp.dot(best, best):
@@ -95,7 +95,7 @@ def closest(real: Any) -> SimpleNamespace:
         u = share64(de - dr, dd)
         other = r - e + u * d
         if wp.dot(other, other) < wp.dot(best, best):
-            s, t, best = u, all, other
+            s, t, best = u, whole, other
         return narrow(best), real(s), real(t)
 
     return SimpleNamespace(point_triangle=point_triangle, segment_segment=segment_segment)

@@ -35,7 +35,7 @@ def contact_search(width: int, real: Any) -> SimpleNamespace:
     """The kernel ``find_pairs`` for one lane width and precision."""
     words = lanes(width, real)
     V, load1, load3 = lanes(1, real).V, words.load1, words.load3
-    most, splat, below, first_lane = words.most, words.splat, words.below, words.first_lane
+    below, first_lane = words.below, words.first_lane
     exact = closest(real)
     point_triangle, segment_segment = exact.point_triangle, exact.segment_segment
     shape, Law = box_words(real), contact_law(real)

@@ -96,7 +96,7 @@ def _press(a: BodyHandle, b: BodyHandle) -> float:
     """Speed whose field holds what a body strained by `PRESSED` presses with, node by node [m/s].
 
     A node of mass m whose elastic block is D presses with about D h times the strain on what it is wrapped around; the
-    field of a range eps carries at most m V^2/(2 eps). Of twisted cloth the field of its speed alone carries a hundredth.
+    field of a range eps carries about m V^2/(2 eps). Of twisted cloth a field made for its speed carries a hundredth.
     """
     squares = []
     for handle in (a, b):

@@ -238,6 +238,6 @@ def test_what_does_not_fit_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_vectors_of_no_body_are_refused() -> None:
-    s, positions = scene("stacked")
+    s, _ = scene("stacked")
     with pytest.raises(ValueError, match="none of the body's own"):
         s.terms[0].linearise(s.states[0], wp.zeros_like(s.states[0].z))

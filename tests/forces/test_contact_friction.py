@@ -81,7 +81,7 @@ def test_what_has_been_stretched_is_kept_for_the_next_step_up_to_the_circle() ->
     s = Scene([flat, flat], friction=0.4)
     x, y = flat.positions, 0.6 * flat.positions + [0.05, 0.04, 0.7 * GAP]
     forces = []
-    for step in range(6):
+    for _ in range(6):
         s.begin([x, y])
         y = y + [0.3 * STICK, 0.0, 0.0]
         s.iteration.fill_(0)

@@ -9,7 +9,7 @@ from contacts import GAP, Scene, folded, wrinkled
 
 import warpdeform as wd
 from warpdeform.crossings import crossing_pairs
-from warpdeform.kernels.contact_guard import PUSHED, SHORTENED
+from warpdeform.kernels.contact_impulses import PUSHED, SHORTENED
 
 Array = np.ndarray[Any, Any]
 

@@ -15,7 +15,7 @@ from warpdeform.forces.contact_mesh import Surface
 from warpdeform.forces.contact_slots import ContactSlots
 from warpdeform.forces.force import BodyArrays, Force
 from warpdeform.kernels.contact import FAR, FITTED, LIST_STATE, STALE, contact
-from warpdeform.kernels.contact_guard import PUSHED, SHORTENED, UPDATES
+from warpdeform.kernels.contact_impulses import PUSHED, SHORTENED, UPDATES
 from warpdeform.kernels.contact_search import contact_search
 from warpdeform.launching import choose, do_alone
 

@@ -8,14 +8,8 @@ import warp as wp
 from warpdeform.forces.contact_lists import FoundRows, PairList
 from warpdeform.forces.contact_slots import ContactSlots
 from warpdeform.forces.force import BodyArrays, Force
-from warpdeform.kernels.contact_guard import (
-    ACTIVE,
-    GUARD_STATE,
-    HALVE,
-    LIMITED,
-    contact_guard,
-    contact_impulses,
-)
+from warpdeform.kernels.contact_guard import contact_guard
+from warpdeform.kernels.contact_impulses import ACTIVE, GUARD_STATE, HALVE, LIMITED, contact_impulses
 from warpdeform.launching import choose, do_alone, repeat_while
 
 RISKS_PER_NODE = 2
@@ -39,8 +33,8 @@ class ContactGuard:
         nodes: Nodes of all bodies.
 
     Attributes:
-        state: int32 entries of :mod:`warpdeform.kernels.contact_guard`; UPDATES, PUSHED and SHORTENED count over a step:
-            updates, nodes that were pushed in them, and updates that were shortened as a whole.
+        state: int32 entries of :mod:`warpdeform.kernels.contact_impulses`; UPDATES, PUSHED and SHORTENED count over a
+            step: updates, nodes that were pushed in them, and how often all of an update was made shorter.
         lag: How far behind their targets pinned nodes are at the end of a step [m], shape (1,).
         others: Terms, with their bodies, whose own guards must hold too.
     """
