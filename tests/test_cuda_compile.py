@@ -30,7 +30,10 @@ GATHERINGS: list[Callable[[int, Any], Gathering]] = [
     for flags in itertools.product((False, True), repeat=2)
 ]
 """The gatherings of all elastic terms, by lane width and precision."""
-WORDS_ONLY = {"lanes", "distances", "geometry", "transfers", "transfer_tables"}
+WORDS_ONLY = {
+    "lanes", "distances", "geometry", "transfers", "transfer_tables", "potential",
+    "box_words", "box_distances", "closest", "contact_law", "kept_separation",
+}  # fmt: skip
 """Factories of device functions that have no kernel of their own."""
 
 PROBE = wp.get_module("warpdeform_probe")

@@ -221,3 +221,76 @@ def test_modules_are_separate_for_every_width_and_precision() -> None:
     assert len(modules) == len(WIDE)
     assert {module.name for module in modules} >= {"warpdeform_words_float32_16", "warpdeform_words_float64_1"}
     assert not any(module.options["enable_backward"] for module in modules)
+
+
+@functools.cache
+def comparing_kernel(width: int, real: Any) -> Any:
+    words = lanes(width, real)
+    load1, load3, store1, store3 = words.load1, words.load3, words.store1, words.store3
+    least, most, where1, where3 = words.least, words.most, words.where1, words.where3
+    lane3, spread, min_lanes, below, first_lane = (
+        words.lane3, words.spread, words.min_lanes, words.below, words.first_lane,
+    )  # fmt: skip
+
+    @wp.kernel(module=kernel_module("comparing_words", width, real))
+    def use_comparisons(
+        a: wp.array3d(dtype=real),
+        limit: real,
+        out: wp.array3d(dtype=real),
+        least_out: wp.array(dtype=real),
+        sets_out: wp.array2d(dtype=wp.int32),
+    ):
+        group = wp.tid()
+        j = group * width
+        s, t, v, w = load1(a, 0, 0, j), load1(a, 1, 0, j), load3(a, 2, 0, j), load3(a, 5, 0, j)
+        store1(out, 0, 0, j, least(s, t))
+        store1(out, 1, 0, j, most(s, t))
+        store1(out, 2, 0, j, where1(s, t, s))
+        store3(out, 3, 0, j, where3(s, v, w))
+        store3(out, 6, 0, j, spread(lane3(v, width - 1)))
+        least_out[group] = min_lanes(s)
+        found = below(s, limit)
+        sets_out[0, group] = found
+        if found != 0:
+            sets_out[1, group] = first_lane(found)
+
+    return use_comparisons
+
+
+@pytest.mark.parametrize(("real", "width"), WIDE)
+def test_words_that_compare_are_what_they_say(real: Any, width: int) -> None:
+    groups, dtype = 5, wp.dtype_to_numpy(real)
+    values = np.random.default_rng(7).normal(size=(8, 1, groups * width)).astype(dtype)
+    values[0, 0, : 2 * width] = np.abs(values[0, 0, : 2 * width])
+    out = wp.array(np.full((9, 1, groups * width), np.nan), dtype=real, device="cpu")
+    lowest: wp.array = wp.zeros(groups, dtype=real, device="cpu")
+    sets = wp.array(np.full((2, groups), -1), dtype=wp.int32, device="cpu")
+    inputs = [wp.array(values, dtype=real, device="cpu"), real(-0.1), out, lowest, sets]
+    wp.launch(comparing_kernel(width, real), dim=groups, inputs=inputs, device="cpu")
+    s, t, v, w = values[0, 0], values[1, 0], values[2:5, 0], values[5:8, 0]
+    last = v[:, width - 1 :: width].repeat(width, axis=1)
+    expected = [
+        np.minimum(s, t)[None],
+        np.maximum(s, t)[None],
+        np.where(s > 0, t, s)[None],
+        np.where(s > 0, v, w),
+        last,
+    ]
+    assert np.array_equal(out.numpy()[:, 0], np.concatenate(expected))
+    in_groups = s.reshape(groups, width)
+    assert np.array_equal(lowest.numpy(), in_groups.min(axis=1))
+    is_below = in_groups < dtype(-0.1)
+    first = np.where(is_below.any(axis=1), is_below.argmax(axis=1), -1)
+    assert np.array_equal(sets.numpy(), [(is_below << np.arange(width)).sum(axis=1), first])
+
+
+@pytest.mark.parametrize(("real", "width"), WIDE)
+def test_what_is_not_a_number_is_neither_below_nor_above(real: Any, width: int) -> None:
+    values = np.ones((8, 1, width))
+    values[0] = np.nan
+    out: wp.array = wp.zeros((9, 1, width), dtype=real, device="cpu")
+    sets: wp.array = wp.zeros((2, 1), dtype=wp.int32, device="cpu")
+    inputs = [wp.array(values, dtype=real, device="cpu"), real(0.5), out, wp.zeros(1, dtype=real, device="cpu"), sets]
+    wp.launch(comparing_kernel(width, real), dim=1, inputs=inputs, device="cpu")
+    assert sets.numpy()[0, 0] == 0
+    assert np.isnan(out.numpy()[2]).all()
