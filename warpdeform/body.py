@@ -117,6 +117,10 @@ class Body:
             value = getattr(self, key)
             if not (math.isfinite(value) and value >= 0):
                 mistakes.append(Mistake(key, value, "must be a finite number, not negative", "Use 0 for none."))
+        thickness = self.contact_thickness
+        if thickness is not None and not (math.isfinite(thickness) and thickness >= 0.0):
+            problem = "must be finite and not negative [m]"
+            mistakes.append(Mistake("contact_thickness", thickness, problem, "Use for example 0.001."))
         if not math.isfinite(self.pressure):
             mistakes.append(Mistake("pressure", self.pressure, "must be finite [Pa]", "Use 0 for none."))
         elif self.pressure and not (kind == "surface" and any(self.shape.periodic)):

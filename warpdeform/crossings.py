@@ -84,13 +84,19 @@ class Closest:
     vertices: tuple[tuple[int, ...], tuple[int, ...]] = ((), ())
 
 
-def closest(points: NDArray[np.floating], simplices: Simplices, limit: float) -> Closest:
+def closest(
+    points: NDArray[np.floating],
+    simplices: Simplices,
+    limit: float,
+    feels: tuple[Ints, NDArray[np.bool_]] | None = None,
+) -> Closest:
     """The closest point and triangle, or edge and edge, that neither share a vertex nor are joined by an edge.
 
     Args:
         points: Vertices [m], shape (n, 3).
         simplices: What joins them.
         limit: Distances above it do not count [m]; a few lengths of an edge, or the search takes long.
+        feels: Body of each vertex, and which bodies count against which; left out: all.
     """
     p = np.asarray(points, dtype=np.float64)
     edges = simplices.edges
@@ -101,6 +107,10 @@ def closest(points: NDArray[np.floating], simplices: Simplices, limit: float) ->
         for a, b in overlapping(_boxes(p, own), _boxes(p, others), limit):
             if which:
                 a, b = a[a < b], b[a < b]
+            apart = ~simplices.shares_vertex(own[a], others[b])
+            if feels is not None:
+                apart &= feels[1][feels[0][own[a, 0]], feels[0][others[b, 0]]]
+            a, b = a[apart], b[apart]
             measure = segment_distances if which else point_distances
             distance = measure(p[own[a]], p[others[b]])
             near = np.flatnonzero(distance < min(best.distance, limit))

@@ -101,6 +101,13 @@ class Model:
             self._targets[held] = points
         return self._targets
 
+    def pin_lag(self, positions: wp.array) -> tuple[float, tuple[int, ...]]:
+        """How far behind its target the last pinned node is [m], and which; positions as a component array."""
+        away = np.linalg.norm(self.download(positions) - self._targets, axis=-1)
+        away[self.download(self.free)[..., 0] > 0.0] = 0.0
+        node = np.unravel_index(int(np.argmax(away)), away.shape)
+        return float(away[node]), tuple(int(k) for k in node)
+
     def max_stretch(self, positions: wp.array) -> float:
         """Longest edge over its rest length; positions as a component array (3, rows, columns)."""
         lengths = _edge_lengths(self.grid, self.download(positions))

@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any
 
+from warpdeform.contact import ContactRecord
+
 
 class Outcome(Enum):
     """How the Newton iteration of a step ended; the value is the sentence for people."""
@@ -95,6 +97,7 @@ class RunRecord:
         precision: "float32" or "float64".
         integrator: Name of the integrator.
         output: File written, or an empty string.
+        contact: What contact reports; None where bodies feel neither each other nor themselves.
     """
 
     frames: int = 0
@@ -115,10 +118,12 @@ class RunRecord:
     precision: str = ""
     integrator: str = ""
     output: str = ""
+    contact: ContactRecord | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """The record as plain numbers, strings and one nested dict."""
-        return {**vars(self), "energy": dict(vars(self.energy))}
+        contact = None if self.contact is None else self.contact.as_dict()
+        return {**vars(self), "energy": dict(vars(self.energy)), "contact": contact}
 
     def add_step(self, step: StepRecord) -> None:
         """Book one step."""

@@ -20,7 +20,7 @@ from warpdeform.obstacle import Obstacle
 from warpdeform.result import Energy, Outcome, RunRecord, StepRecord
 from warpdeform.settings import Settings
 from warpdeform.team import Team, choose_threads
-from warpdeform.touching import add_contacts
+from warpdeform.touching import add_contacts, book_contact
 from warpdeform.wind import Wind
 
 
@@ -129,6 +129,8 @@ class Simulation:
         self._record.wall_s += clock.perf_counter() - started
         if report.outcome is Outcome.NOT_FINITE or not np.isfinite(report.residual):
             raise self._failure(end)
+        if self.contact is not None:
+            book_contact(self.contact, self.bodies, self._record, end)
         self._steps += 1
         # The step of an impact and the one after it are backward Euler: BDF2 would extrapolate the speed from before.
         self._dt_before = None if report.impact_ahead or self._impact else self.dt

@@ -7,18 +7,25 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from warpdeform.contact import Contact
-from warpdeform.errors import InputError, Mistake
+from warpdeform.contact import Contact, ContactRecord
+from warpdeform.crossings import closest, crossing_pairs
+from warpdeform.errors import InputError, Mistake, SimulationFailure
 from warpdeform.forces.contact import ContactSystem, Touching
 from warpdeform.forces.contact_mesh import Surface
 from warpdeform.forces.obstacle_field import ObstacleField
 from warpdeform.handle import BodyHandle
+from warpdeform.result import RunRecord
 from warpdeform.settings import Settings
+from warpdeform.simplices import Simplices
 
 PRESSED = 1.0
 """Strain whose elastic forces the field is to hold where its design speed is left out."""
 RANGE_OF_SPACING = 0.03
 """Range of a field over the spacing of the nodes, about, for this estimate."""
+LARGEST_THICKNESS = 0.6
+"""Thickness over node spacing from which on a node would touch the triangles beside its own, 0.7 spacings away."""
+MOST_LAG = 1e-3
+"""How far behind its path a pin may be held up by contact [m]."""
 FADED = 4.0
 """Ranges beyond the gap at which the field of bodies ends: there it is 0.02 of what it is at the gap."""
 
@@ -55,6 +62,7 @@ def add_contacts(
         return None
     number = {handle.name: k for k, handle in enumerate(taking)}
     touching = []
+    _check_thickness(taking, pairs)
     for contact in pairs:
         a, b = (taking[number[name]] for name in contact.bodies)
         spacing = min(a.model.spacing, b.model.spacing)
@@ -81,7 +89,36 @@ def add_contacts(
     pushed = any(not obstacle.track.static for _, field in fields for obstacle in field.obstacles)
     if pushed or any(handle.model.pins_move for handle in taking):
         system.targets = tuple(handle.model.target for handle in taking)
+    _check_start(taking, touching, system)
     return system
+
+
+def book_contact(system: ContactSystem, handles: Sequence[BodyHandle], record: RunRecord, time: float) -> None:
+    """Book what contact reports of the last step.
+
+    Args:
+        system: What the terms share.
+        handles: All bodies.
+        record: That of the run.
+        time: End of the step [s].
+
+    Raises:
+        SimulationFailure: Pins cannot follow their path, because what is between them leaves no way.
+    """
+    step = system.report()
+    record.contact = record.contact or ContactRecord()
+    record.contact.add_step(step)
+    if step.lag > MOST_LAG:
+        lags = {h.name: h.model.pin_lag(h.state.x) for h in handles if h.model.pins_move}
+        name = max(lags, key=lambda each: lags[each][0], default=handles[0].name)
+        lag, node = lags.get(name, (step.lag, ()))
+        raise SimulationFailure(
+            body=name,
+            time=time,
+            node=node,
+            cause=f"a pin cannot follow its path, {1000.0 * lag:.3g} mm behind: bodies in contact leave it no way",
+            remedy="Use a path that leaves room, softer or thinner bodies, or more substeps.",
+        )
 
 
 def _check(contact: Contact, names: Sequence[str]) -> bool:
@@ -90,6 +127,71 @@ def _check(contact: Contact, names: Sequence[str]) -> bool:
             remedy = f"Use one of: {', '.join(names)}."
             raise InputError(Mistake("contact.bodies", name, "is not the name of a body", remedy))
     return True
+
+
+def _check_thickness(handles: Sequence[BodyHandle], pairs: Sequence[Contact]) -> None:
+    """Refuse bodies that feel themselves and are so thick that neighbours touch, or have nothing to feel.
+
+    Raises:
+        InputError: What is wrong with which of them.
+    """
+    mistakes = []
+    for handle in handles:
+        if not any(contact.bodies == (handle.name, handle.name) for contact in pairs):
+            continue
+        thickness, largest = handle.body.skin_thickness, LARGEST_THICKNESS * handle.model.spacing
+        if thickness > largest:
+            problem = (
+                f"of {handle.name} is too thick for its node spacing of {handle.model.spacing:.3g} m to feel itself"
+            )
+            remedy = f"Use contact_thickness = {largest:.3g} or less, or fewer nodes."
+            mistakes.append(Mistake("contact_thickness", thickness, problem, remedy))
+        if handle.body.kind == "curve" and handle.nodes[1] == 1 and handle.nodes[0] < 4:
+            problem = f"{handle.name} has no two parts that could touch: it is one strand of {handle.nodes[0]} nodes"
+            mistakes.append(Mistake("self_contact", True, problem, "Leave it out, or use 4 nodes or more."))
+    if mistakes:
+        raise InputError(mistakes)
+
+
+def _check_start(handles: Sequence[BodyHandle], touching: Sequence[Touching], system: ContactSystem) -> None:
+    """Refuse bodies that cross at the start, or whose skins overlap.
+
+    Raises:
+        InputError: Which bodies do, and where.
+    """
+    simplices = Simplices.joined([Simplices.of_grid(h.model.grid) for h in handles])
+    counts = [h.model.grid.node_count for h in handles]
+    owner, number = np.repeat(np.arange(len(handles)), counts), np.concatenate([np.arange(n) for n in counts])
+    points = np.concatenate([h.model.initial_positions.reshape(-1, 3) for h in handles])
+    feels = np.zeros((len(handles), len(handles)), bool)
+    for each in touching:
+        a, b = each.bodies
+        feels[a, b] = feels[b, a] = True
+
+    def place(vertices: Sequence[int]) -> str:
+        handle = handles[owner[vertices[0]]]
+        nodes = [[int(k) for k in np.unravel_index(number[v], handle.nodes)] for v in dict.fromkeys(vertices)]
+        return f"{handle.name} {' '.join(str(node) for node in nodes)}"
+
+    pairs = crossing_pairs(points, simplices)
+    edges, triangles = simplices.edges[pairs[:, 0]], simplices.triangles[pairs[:, 1]]
+    wrong = feels[owner[edges[:, 0]], owner[triangles[:, 0]]]
+    if wrong.any():
+        where = [f"{place(e)} through {place(t)}" for e, t in zip(edges[wrong][:5], triangles[wrong][:5], strict=True)]
+        names = {handles[owner[v]].name for v in (*edges[wrong][:, 0], *triangles[wrong][:, 0])}
+        problem = f"{' and '.join(sorted(names))} cross at the start in {int(wrong.sum())} places: {'; '.join(where)}"
+        raise InputError(Mistake("contact", None, problem, "Move them apart, or let them not feel each other."))
+    for handle in handles:
+        handle.state.z.assign(handle.state.x)
+    system.begin()
+    system.linearise("z")
+    if system.report().smallest_distance < 0.0:
+        near = closest(points, simplices, max(each.offset for each in touching), (owner, feels))
+        problem = (
+            f"{place(near.vertices[0])} and {place(near.vertices[1])} overlap at the start, {near.distance:.3g} m apart"
+        )
+        raise InputError(Mistake("contact", None, problem, "Move them apart, or make them thinner."))
+    system.clear()
 
 
 def _press(a: BodyHandle, b: BodyHandle) -> float:

@@ -28,6 +28,7 @@ kind = "sphere"
 radius = 0.3
 """
 
+CONTACT = '[[contact]]\nbodies = ["sheet", "sheet"]\n'
 BODY = 'nodes = [5, 4]\nshape = { kind = "sheet" }\nmaterial = "cotton"\n'
 
 MISTAKES = [
@@ -42,6 +43,19 @@ MISTAKES = [
     ("duration = 1.0", "gravity = [0, 0, inf]", "scene.gravity.2", "must be finite"),
     ("duration = 1.0", 'up_axis = "X"', "scene.up_axis", "must be one of Z, Y"),
     ("duration = 1.0", "meters_per_unit = 0", "scene.meters_per_unit", "must be positive [m]"),
+    (
+        "[[obstacle]]",
+        '[[contact]]\nbodies = ["shet", "sheet"]\n[[obstacle]]',
+        "contact.0.bodies.0",
+        "is not the name of",
+    ),
+    ("[[obstacle]]", '[[contact]]\nbodies = ["sheet"]\n[[obstacle]]', "contact.0.bodies", "must be two names"),
+    ("[[obstacle]]", f"{2 * CONTACT}[[obstacle]]", "contact.1.bodies", "is another table's pair too"),
+    ("[[obstacle]]", f"{CONTACT}friction = -0.1\n[[obstacle]]", "contact.0.friction", "must lie between 0 and 10"),
+    ("[[obstacle]]", f"{CONTACT}gap = 0\n[[obstacle]]", "contact.0.gap", "must lie between 1e-6 and 1 m"),
+    ("[[obstacle]]", f"{CONTACT}design_speed = 0\n[[obstacle]]", "contact.0.design_speed", "0 and 10000 m/s"),
+    ("nodes = [5, 4]", "nodes = [5, 4]\ncontact_thickness = -1", "body.0.contact_thickness", "not negative [m]"),
+    ("nodes = [5, 4]", 'nodes = [5, 4]\nself_contact = "yes"', "body.0.self_contact", "must be true or false"),
     ("[solver]", "[[solver]]", "solver", "must be a table [solver]"),
     ("[scene]", "title = 1\n[scene]", "title", "is not a key of a scene. Its keys are scene, solver, body"),
     ("[solver]", "[slover]", "slover", 'Did you mean "solver"?'),

@@ -149,6 +149,7 @@ class NewtonSolver:
             for term in own:
                 term.begin(state)
                 term.carry(state, state.z)
+        for state in self.states:
             self._stage(state, "difference", state.trial, state.z, state.direction)
         self._guard()
         self._step_along("trial")

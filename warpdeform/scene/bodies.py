@@ -53,6 +53,8 @@ def make_body(table: BodyTable, index: int, collector: Collector) -> Body | None
         "drag": table.drag,
         "wind_coefficient": table.wind_coefficient,
         "pressure": table.pressure,
+        "self_contact": table.self_contact,
+        "contact_thickness": table.contact_thickness,
         **look(table, at, collector),
     }
     if shape is not None:

@@ -8,10 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from warpdeform.body import Body
+from warpdeform.contact import Contact
 from warpdeform.errors import InputError, Mistake
 from warpdeform.obstacle import Obstacle
 from warpdeform.scene.bodies import make_body
 from warpdeform.scene.collect import Collector
+from warpdeform.scene.keys import closest
 from warpdeform.scene.names import check_solver_names
 from warpdeform.scene.obstacles import make_obstacle
 from warpdeform.scene.schema import SceneFile
@@ -33,6 +35,7 @@ class BuiltScene:
         raw: The same as plain tables.
         bodies: Deformable bodies.
         obstacles: Obstacles.
+        contacts: Pairs of bodies that feel each other.
         wind: Stream of air; None if the air is at rest.
         settings: How it is solved.
         frames: Samples that are written, the initial state included.
@@ -44,6 +47,7 @@ class BuiltScene:
     raw: Mapping[str, Any]
     bodies: tuple[Body, ...]
     obstacles: tuple[Obstacle, ...]
+    contacts: tuple[Contact, ...]
     wind: Wind | None
     settings: Settings
     frames: int
@@ -86,6 +90,7 @@ def build(spec: SceneFile, raw: Mapping[str, Any], collector: Collector) -> Buil
     bodies = [make_body(table, index, collector) for index, table in enumerate(spec.body)]
     up = spec.scene.up_axis
     obstacles = [make_obstacle(table, index, up, collector) for index, table in enumerate(spec.obstacle)]
+    contacts = _contacts(spec, collector)
     wind = None
     if spec.wind:
         with collector.at(("wind",)):
@@ -100,6 +105,7 @@ def build(spec: SceneFile, raw: Mapping[str, Any], collector: Collector) -> Buil
         raw=raw,
         bodies=tuple(body for body in bodies if body),
         obstacles=tuple(obstacle for obstacle in obstacles if obstacle),
+        contacts=contacts,
         wind=wind,
         settings=settings,
         frames=frames,
@@ -127,6 +133,24 @@ def _frames(spec: SceneFile, collector: Collector) -> int:
         collector.refuse(("scene", "duration"), scene.duration, problem, f"Stay below {MOST_FRAMES} frames.")
         return 1
     return max(round(intervals), 0) + 1
+
+
+def _contacts(spec: SceneFile, collector: Collector) -> tuple[Contact, ...]:
+    """Pairs that are named, each once and of bodies that exist."""
+    names = [table.name or f"body{index}" for index, table in enumerate(spec.body)]
+    contacts, seen = [], set()
+    for index, table in enumerate(spec.contact):
+        at = ("contact", index)
+        for place, name in enumerate(table.bodies):
+            if name not in names:
+                remedy = closest(name, names) or f"Use one of {', '.join(names)}."
+                collector.refuse((*at, "bodies", place), name, "is not the name of a body", remedy)
+        if frozenset(table.bodies) in seen:
+            collector.refuse((*at, "bodies"), table.bodies, "is another table's pair too", "Name every pair once.")
+        seen.add(frozenset(table.bodies))
+        with collector.at(at):
+            contacts.append(Contact(**{**table.model_dump(), "bodies": tuple(table.bodies)}))
+    return tuple(contacts)
 
 
 def _check_names(spec: SceneFile, collector: Collector) -> None:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from annotated_types import Len
 
+from warpdeform.contact import Contact
 from warpdeform.scene.kinds import PathTable, material_table, obstacle_table, shape_table
 from warpdeform.scene.table import ROTATION, Selector, Table, Vector, key
 from warpdeform.settings import Settings
@@ -135,8 +136,35 @@ class BodyTable(Table):
     drag: float = key(0.0, "Damping by mass, beside the material's own", unit="1/s", example=0.1)
     wind_coefficient: float = key(2.0, "c of the wind's force c (n . v) n", unit="kg/(m2 s)", example=2.0)
     pressure: float = key(0.0, "Pressure inside of a tube, torus or sphere over that outside", unit="Pa", example=50.0)
+    self_contact: bool = key(False, "Whether the body feels itself; [[contact]] has more words", example=True)
+    contact_thickness: float | None = key(
+        None,
+        "Thickness for contact with bodies; left out: that of the material or the section",
+        unit="m",
+        example=0.001,
+        words="a number",
+    )
     color: Vector | None = key(None, "Colour, linear RGB", example=[0.55, 0.13, 0.11], words="3 numbers")
     roughness: float | None = key(None, "Roughness, 0 (mirror) to 1 (matt)", example=0.7, words="a number")
+
+
+class ContactTable(Table):
+    """[[contact]]: two bodies that feel each other, or one that feels itself; see `warpdeform.contact.Contact`."""
+
+    bodies: Annotated[list[str], Len(2, 2)] = key(
+        ..., "Their names; twice the same for self-contact", example=["cloth", "rod"], words="two names"
+    )
+    friction: float = key(Contact.friction, "Coefficient of friction", example=0.3)
+    gap: float | None = key(
+        None,
+        "Distance of the skins at rest; left out: 0.002, or a quarter of the node spacing where that is less",
+        unit="m",
+        example=0.002,
+        words="a number",
+    )
+    design_speed: float | None = key(
+        None, "Fastest normal speed to stop; left out: estimated", unit="m/s", example=5.0, words="a number"
+    )
 
 
 class WindTable(Table):
@@ -167,6 +195,7 @@ class SceneFile(Table):
         words="tables [[body]], at least one",
     )
     obstacle: list[AnyObstacleTable] = key([], "Obstacles", words="tables [[obstacle]]")
+    contact: list[ContactTable] = key([], "Pairs of bodies that feel each other", words="tables [[contact]]")
     wind: WindTable | None = key(None, "Stream of air; left out: the air is at rest", words="a table [wind]")
     output: OutputTable = key(OutputTable(), "What is written", words="a table [output]")
 
