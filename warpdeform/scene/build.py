@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fnmatch
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -138,18 +139,22 @@ def _frames(spec: SceneFile, collector: Collector) -> int:
 def _contacts(spec: SceneFile, collector: Collector) -> tuple[Contact, ...]:
     """Pairs that are named, each once and of bodies that exist."""
     names = [table.name or f"body{index}" for index, table in enumerate(spec.body)]
-    contacts, seen = [], set()
+    contacts: list[Contact] = []
     for index, table in enumerate(spec.contact):
         at = ("contact", index)
-        for place, name in enumerate(table.bodies):
-            if name not in names:
+        fitting = [fnmatch.filter(names, name) for name in table.bodies]
+        for place, (name, found) in enumerate(zip(table.bodies, fitting, strict=True)):
+            if not found:
                 remedy = closest(name, names) or f"Use one of {', '.join(names)}."
                 collector.refuse((*at, "bodies", place), name, "is not the name of a body", remedy)
-        if frozenset(table.bodies) in seen:
+        alone = not any("*" in name for name in table.bodies)
+        pairs = {frozenset((a, b)): (a, b) for a in fitting[0] for b in fitting[1] if alone or a != b}
+        known = {frozenset(contact.bodies) for contact in contacts}
+        if known & pairs.keys():
             collector.refuse((*at, "bodies"), table.bodies, "is another table's pair too", "Name every pair once.")
-        seen.add(frozenset(table.bodies))
-        with collector.at(at):
-            contacts.append(Contact(**{**table.model_dump(), "bodies": tuple(table.bodies)}))
+        for bodies in pairs.values():
+            with collector.at(at):
+                contacts.append(Contact(**{**table.model_dump(), "bodies": bodies}))
     return tuple(contacts)
 
 

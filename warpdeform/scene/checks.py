@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from warpdeform.crossings import crossing_pairs
 from warpdeform.scene.measure import asymmetry, depth, samples
 from warpdeform.selectors import select_nodes
+from warpdeform.simplices import Simplices
 
 if TYPE_CHECKING:
     from warpdeform.simulation import Simulation
@@ -102,6 +104,14 @@ def _nothing_inside(history: History, simulation: Simulation, name: str, deepest
     return Claim(f"depth of {name} inside an obstacle [m]", worst, 0.0, deepest)
 
 
+def _nothing_crosses(history: History, simulation: Simulation, every: int = 6) -> Claim:
+    """No edge goes through a triangle, of its own body or another, at the last frame and every so many before it."""
+    simplices = Simplices.joined([Simplices.of_grid(handle.model.grid) for handle in simulation.bodies])
+    frames = list(zip(*(history.positions[handle.name] for handle in simulation.bodies), strict=True))
+    points = (np.concatenate([x.reshape(-1, 3) for x in frame]) for frame in frames[::-every])
+    return Claim("edges through triangles", max(len(crossing_pairs(x, simplices)) for x in points), 0, 0)
+
+
 def hanging(simulation: Simulation, history: History) -> list[Claim]:
     """Two corners hold; the sheet swings through below them, symmetric, and no energy comes out of nowhere.
 
@@ -128,6 +138,7 @@ def flag(simulation: Simulation, history: History) -> list[Claim]:
     return [
         _pins_still(history, simulation),
         _stretch(simulation, 1.25),
+        _nothing_crosses(history, simulation, every=20),
         Claim("mean distance of the outer edge downwind, of the length", float(outer[:, 0].mean()) / length, 0.7, 1.0),
         Claim("swing of the outer edge across the wind (rms) [m]", float(outer[:, 1].std()), 0.02, 0.6),
         Claim("mean sinking of the outer edge [m]", float(1.95 - outer[:, 2].mean()), -0.1, 0.6),
@@ -141,8 +152,9 @@ def carpet(simulation: Simulation, history: History) -> list[Claim]:
     speed = np.linalg.norm(frames[-1] - frames[-2], axis=-1) / (history.times[-1] - history.times[-2])
     top = 0.6
     return [
-        _stretch(simulation, 1.25),
+        _stretch(simulation, 1.4),
         _nothing_inside(history, simulation, "carpet", 1e-3),
+        _nothing_crosses(history, simulation, every=20),
         Claim("highest node above the ball's top [m]", float(frames[-1][..., 2].max()) - top, 0.0, 0.02),
         Claim("lowest node above the ground [m]", float(frames[-1][..., 2].min()), 0.0, 0.05),
         Claim("speed at the end (rms) [m/s]", float(np.sqrt(np.mean(speed**2))), 0.0, 0.05),
@@ -174,10 +186,49 @@ def materials(simulation: Simulation, history: History) -> list[Claim]:
     ]
 
 
+def crumple(simulation: Simulation, history: History) -> list[Claim]:
+    """The sheet falls on its edge, folds up and comes to lie, through nothing of itself."""
+    frames = history.positions["sheet"]
+    return [
+        _stretch(simulation, 1.3),
+        _nothing_crosses(history, simulation),
+        Claim("lowest node ever above the ground [m]", min(float(f[..., 2].min()) for f in frames), 0.0, 0.05),
+        Claim("highest node at the end [m]", float(frames[-1][..., 2].max()), 0.03, 0.35),
+        Claim("energy gained in any frame [J]", float(np.diff(history.energies).max()), -np.inf, 0.02),
+    ]
+
+
+def twist(simulation: Simulation, history: History) -> list[Claim]:
+    """The ends turn where they are led, and the strip between them becomes a rope, through nothing of itself."""
+    last, handle = history.positions["strip"][-1], simulation.bodies[0]
+    middle = last[len(last) // 2]
+    wide = float(np.linalg.norm(middle - middle.mean(axis=0), axis=1).max())
+    return [
+        _stretch(simulation, 2.2),
+        _nothing_crosses(history, simulation),
+        Claim("distance of the ends from their path [m]", handle.model.pin_lag(handle.state.x)[0], 0.0, 1e-3),
+        Claim("radius of the rope at its middle [m]", wide, 0.0, 0.04),
+    ]
+
+
+def layers(simulation: Simulation, history: History) -> list[Claim]:
+    """Ten cloths come to lie on the log and on each other, in their order."""
+    tops = [history.positions[f"layer{k}"][-1][..., 2] for k in range(10)]
+    heights = np.array([top[len(top) // 2, top.shape[1] // 2] for top in tops])
+    return [
+        _stretch(simulation, 1.3),
+        _nothing_crosses(history, simulation),
+        Claim("least distance of one layer above the last on the log [m]", float(np.diff(heights).min()), 5e-4, 4e-3),
+        Claim("lowest layer above the log [m]", float(heights[0]) - 0.4, 0.0, 5e-3),
+    ]
+
+
 def _fallen(frames: list[Array]) -> float:
     """How far below its start the lowest node of all frames is [m]."""
     return float(frames[0][..., 2].min() - min(frame[..., 2].min() for frame in frames))
 
 
-CHECKS: dict[str, Check] = {check.__name__: check for check in (hanging, flag, carpet, bunny, materials)}
+CHECKS: dict[str, Check] = {
+    check.__name__: check for check in (hanging, flag, carpet, bunny, materials, crumple, twist, layers)
+}
 """The check of each packaged scene, by the scene's name."""

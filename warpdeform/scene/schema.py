@@ -152,7 +152,10 @@ class ContactTable(Table):
     """[[contact]]: two bodies that feel each other, or one that feels itself; see `warpdeform.contact.Contact`."""
 
     bodies: Annotated[list[str], Len(2, 2)] = key(
-        ..., "Their names; twice the same for self-contact", example=["cloth", "rod"], words="two names"
+        ...,
+        "Their names, twice the same for self-contact; a name with * stands for all others that it fits",
+        example=["cloth", "rod"],
+        words="two names",
     )
     friction: float = key(Contact.friction, "Coefficient of friction", example=0.3)
     gap: float | None = key(
