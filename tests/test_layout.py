@@ -34,6 +34,7 @@ FLOORS = (
         "body",
         "state",
         "device",
+        "attachment",
         "launching",
         "team",
         "errors",

@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from warpdeform.attachment import Attachment
     from warpdeform.body import Body, Pin, Spring
     from warpdeform.errors import InputError, Mistake, SimulationFailure, WarpdeformError
     from warpdeform.material import Material
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Attachment",
     "Body",
     "FrameWriter",
     "InputError",
@@ -80,6 +82,7 @@ __all__ = [
 ]
 
 _HOMES = {
+    "attachment": ("Attachment",),
     "body": ("Body", "Pin", "Spring"),
     "errors": ("InputError", "Mistake", "SimulationFailure", "WarpdeformError"),
     "material": ("Material",),

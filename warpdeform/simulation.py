@@ -7,9 +7,11 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
+from warpdeform.attachment import Attachment
 from warpdeform.body import Body
 from warpdeform.device import find_device
 from warpdeform.errors import InputError, Mistake, SimulationFailure
+from warpdeform.forces.ties import make_ties
 from warpdeform.handle import BodyHandle
 from warpdeform.information import BodyInfo, SimulationInfo, TermInfo
 from warpdeform.integrators import INTEGRATORS
@@ -30,6 +32,7 @@ class Simulation:
     Args:
         bodies: At least one body, with names of their own.
         obstacles: Obstacles that every body meets.
+        attachments: What ties bodies to each other.
         wind: Moving air; None is still air that does not resist either.
         settings: Solver settings.
         lane_width: Nodes per lane group, for tests; None takes what suits the device.
@@ -44,6 +47,7 @@ class Simulation:
         bodies: Sequence[Body],
         *,
         obstacles: Sequence[Obstacle] = (),
+        attachments: Sequence[Attachment] = (),
         wind: Wind | None = None,
         settings: Settings | None = None,
         lane_width: int | None = None,
@@ -65,7 +69,12 @@ class Simulation:
         nodes = sum(handle.model.grid.node_count for handle in self.bodies)
         self.threads = choose_threads(self.settings.threads, nodes, self.device) if captured else 1
         terms = [handle.terms for handle in self.bodies]
-        self._solver = NewtonSolver(states, terms, self.settings, self._iteration, self.threads)
+        self.attachments = tuple(attachments)
+        named = {handle.name: handle for handle in self.bodies}
+        self.couplings, rigid = make_ties(
+            self.attachments, {n: h.body for n, h in named.items()}, {n: h.state for n, h in named.items()}
+        )
+        self._solver = NewtonSolver(states, terms, self.settings, self._iteration, self.threads, self.couplings, rigid)
         self._team = Team(self.threads, self.device)
         self._record = RunRecord(
             nodes=nodes,
@@ -154,6 +163,9 @@ class Simulation:
         energy = Energy(work_in=self._record.energy.work_in)
         for handle in self.bodies:
             handle.add_energies(energy)
+        for coupling in self.couplings:
+            kind = coupling.energy_kind
+            setattr(energy, kind, getattr(energy, kind) + coupling.stored_energy())
         return replace(self._record, frames=self.frame + 1, sim_s=self.time, energy=energy)
 
     def info(self) -> SimulationInfo:

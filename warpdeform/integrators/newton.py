@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpdeform.forces.coupling import Coupling
 from warpdeform.forces.force import Force
 from warpdeform.forces.parameters import Parameters
+from warpdeform.forces.ties import RigidTies
 from warpdeform.integrators.integrator import Stage
 from warpdeform.kernels import newton as entries
 from warpdeform.kernels.krylov import krylov
@@ -49,6 +51,8 @@ class NewtonSolver:
         settings: Solver settings.
         iteration: The Newton iteration counter that the states share, int32, shape (1,).
         threads: Threads that a step is shared by.
+        couplings: What acts between bodies.
+        rigid: Nodes that follow others.
     """
 
     def __init__(
@@ -58,13 +62,16 @@ class NewtonSolver:
         settings: Settings,
         iteration: wp.array,
         threads: int = 1,
+        couplings: Sequence[Coupling] = (),
+        rigid: Sequence[RigidTies] = (),
     ) -> None:
         device = states[0].device
         self.states, self.terms, self._device, self._iteration = tuple(states), terms, device, iteration
         # What stores no energy comes first, so that its work can be told from the rest of the gradient.
         self._loads = [[term for term in own if not term.energy_kind] for own in terms]
         self._stored = [[term for term in own if term.energy_kind] for own in terms]
-        self.operator = LinearOperator(states, terms)
+        self.operator = LinearOperator(states, terms, couplings, rigid)
+        self._couplings = self.operator.couplings
         self.sums = Sums(states)
         self.preconditioner = choose_preconditioner(settings.preconditioner, self.operator)
         self.linear_solver = ConjugateGradient(
@@ -106,6 +113,8 @@ class NewtonSolver:
             state.model.place_targets(time)
             for term in own:
                 term.prepare(time, dt, stage_.tau)
+        for coupling in self._couplings:
+            coupling.prepare(time, dt, stage_.tau)
 
     def record(self) -> None:
         """Launch one step; nothing in it asks the host."""
@@ -140,17 +149,22 @@ class NewtonSolver:
         )
 
     def _start(self) -> None:
-        for state, own in zip(self.states, self.terms, strict=True):
+        for state in self.states:
             for row, vector in ((W, state.w), (Y, state.y), (START, state.trial)):
                 self._stage(state, "combine", self._weights[state.real].array, row, *_history(state), vector)
             self._lanes(state, "copy", state.x, state.z)
             self._stage(state, "place_pins", state.free, state.model.target, state.z)
             self._stage(state, "place_pins", state.free, state.model.target, state.trial)
+        self.operator.spread("z")
+        self.operator.spread("trial")
+        for state, own in zip(self.states, self.terms, strict=True):
             for term in own:
                 term.begin(state)
                 term.carry(state, state.z)
             self._stage(state, "difference", state.trial, state.z, state.direction)
             self._guard(state, own)
+        self.operator.spread("direction")
+        for state, own in zip(self.states, self.terms, strict=True):
             self._stage(state, "displace", self._scalars, state.z, state.direction, state.trial)
             for term in own:
                 if not term.elastic:
@@ -166,11 +180,16 @@ class NewtonSolver:
                 term.linearise(state, state.z)
             self._lanes(state, "clear", state.gradient)
             self._add_gradients(state, own)
+        self._couple()
+        for state in self.states:
             self._mask_gradient(state)
+        self.operator.gather("gradient")
         self.operator.update()
         self.linear_solver.solve()
         for state, own in zip(self.states, self.terms, strict=True):
             self._guard(state, own)
+        self.operator.spread("direction")
+        for state in self.states:
             self._lanes(state, "dot", state.gradient, state.direction, state.dots)
         self.sums.total_dots(entries.SLOPE, self._scalars)
         self._greatest("direction", "free", entries.UPDATE)
@@ -195,8 +214,11 @@ class NewtonSolver:
                 term.add_gradient(state, state.z, state.gradient)
             self._stage(state, "work_of_loads", state.gradient, state.z, state.x, state.dots)
             self._add_gradients(state, stored)
+        self._couple()
+        for state in self.states:
             self._stage(state, "work_of_pins", state.free, state.gradient, state.z, state.x, state.dots)
         self.sums.total_dots(entries.WORK, self._scalars)
+        self.operator.gather("gradient")
         self._greatest("gradient", "mass", entries.RESIDUAL)
         for state, own in zip(self.states, self.terms, strict=True):
             history = (state.x, state.v, state.x_before, state.v_before)
@@ -213,6 +235,12 @@ class NewtonSolver:
         )
         for term in terms:
             term.add_gradient(state, state.z, state.gradient)
+
+    def _couple(self) -> None:
+        """Add the gradients of what acts between bodies."""
+        for coupling in self._couplings:
+            coupling.linearise("z")
+            coupling.add_gradient("z", "gradient")
 
     def _mask_gradient(self, state: State) -> None:
         self._lanes(state, "mask", state.free, state.gradient)
@@ -234,6 +262,8 @@ class NewtonSolver:
             self._stage(state, "add_inertial_energy", state.mass, inertia, position, state.y, state.partials)
             for term in own:
                 term.add_energy(state, position, state.partials)
+        for coupling in self._couplings:
+            coupling.add_energy(vector)
         self.sums.total_partials(entry, self._scalars)
 
     def _greatest(self, vector: str, weight: str, entry: int) -> None:

@@ -5,8 +5,10 @@ from typing import Any
 
 import warp as wp
 
+from warpdeform.forces.coupling import Coupling
 from warpdeform.forces.force import Force, GridArrays, GridTerm
 from warpdeform.forces.parameters import Parameters
+from warpdeform.forces.ties import RigidTies
 from warpdeform.kernels.krylov import krylov
 from warpdeform.kernels.products import products
 from warpdeform.launching import launch_in_bands, launch_lanes
@@ -89,17 +91,27 @@ class LinearOperator:
     Args:
         states: The bodies.
         terms: The terms of each body.
+        couplings: What acts between bodies.
+        rigid: Nodes that follow others.
 
     Attributes:
         grids: A of each body.
     """
 
-    def __init__(self, states: Sequence[State], terms: Terms) -> None:
-        self.states, self.terms = tuple(states), terms
+    def __init__(
+        self,
+        states: Sequence[State],
+        terms: Terms,
+        couplings: Sequence[Coupling] = (),
+        rigid: Sequence[RigidTies] = (),
+    ) -> None:
+        self.states, self.terms, self.couplings, self.rigid = tuple(states), terms, tuple(couplings), tuple(rigid)
+        coupled = [state for coupling in couplings for state in coupling.states]
         self._inertia = {state.real: Parameters([1.0], state.real, state.device) for state in states}
         self.grids: list[GridOperator] = []
         for state, own in zip(states, terms, strict=True):
-            blocks = state.model.zeros(6) if any(_has_blocks(term) for term in own) else None
+            needed = state in coupled or any(_has_blocks(term) for term in own)
+            blocks = state.model.zeros(6) if needed else None
             elastic = [term for term in own if term.elastic]
             self.grids.append(GridOperator(state, self.inertia(state), blocks, elastic))
 
@@ -114,7 +126,8 @@ class LinearOperator:
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
-        return sum(grid.blocks.capacity for grid in self.grids if grid.blocks is not None)
+        blocks = sum(grid.blocks.capacity for grid in self.grids if grid.blocks is not None)
+        return int(blocks + sum(ties.bytes() for ties in self.rigid) + sum(each.bytes() for each in self.couplings))
 
     def update(self) -> None:
         """Collect the node blocks after the terms were linearised."""
@@ -123,12 +136,28 @@ class LinearOperator:
                 grid.start_blocks(grid.blocks)
                 for term in own:
                     term.add_node_blocks(state, grid.blocks)
+                for coupling in self.couplings:
+                    coupling.add_node_blocks(state, grid.blocks)
 
     def product(self) -> None:
         """product = free A search, and the partial sums of search.product into `State.dots`."""
         for state, grid in zip(self.states, self.grids, strict=True):
             grid.product(state.search, state.product)
+        for coupling in self.couplings:
+            coupling.add_hessian_product("search", "product")
+        for state, grid in zip(self.states, self.grids, strict=True):
             grid.launch("mask_dot", state.free, state.search, state.product, state.dots)
+        self.gather("product")
+
+    def gather(self, vector: str) -> None:
+        """Hand what a vector of the states has at nodes that follow to those that they follow."""
+        for ties in self.rigid:
+            ties.gather(vector)
+
+    def spread(self, vector: str) -> None:
+        """Give nodes that follow their value of a vector of the states."""
+        for ties in self.rigid:
+            ties.spread(vector)
 
 
 def _has_blocks(term: Force) -> bool:
