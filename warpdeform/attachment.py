@@ -62,6 +62,50 @@ class Ties:
     weights: Array
 
 
+def find_all_ties(attachments: Sequence[Attachment], bodies: Mapping[str, Body]) -> list[Ties]:
+    """The ties of all attachments of a scene.
+
+    Raises:
+        InputError: All mistakes, with keys that begin with `attachment` and its place in the list: of `find_ties`,
+            and nodes that follow rigidly although they are pinned, follow something else too, or are followed.
+    """
+    found: list[Ties] = []
+    mistakes: list[Mistake] = []
+    followers: set[Node] = set()
+    followed: set[Node] = set()
+    for index, attachment in enumerate(attachments):
+        try:
+            found.append(find_ties(attachment, bodies))
+            if attachment.stiffness is None:
+                _take_followers(attachment, found[-1], bodies[attachment.body], followers, followed)
+        except InputError as error:
+            mistakes += [Mistake(f"attachment.{index}.{m.key}", m.value, m.problem, m.remedy) for m in error.mistakes]
+    if mistakes:
+        raise InputError(mistakes)
+    return found
+
+
+Node = tuple[str, tuple[int, ...]]
+"""A node: name of its body, indices."""
+
+
+def _take_followers(attachment: Attachment, ties: Ties, body: Body, followers: set[Node], followed: set[Node]) -> None:
+    """Check the nodes of rigid ties and note them."""
+    remedy = "Attach it with a stiffness, or leave it out."
+    pinned = {tuple(n) for pin in body.pins for n in select_nodes(pin.nodes, body.nodes, body.kind).tolist()}
+    own = [(attachment.body, tuple(node)) for node in ties.nodes.tolist()]
+    for node in own:
+        if node[1] in pinned:
+            raise InputError(Mistake("nodes", list(node[1]), "is pinned and cannot follow another body", remedy))
+        if node in followers:
+            raise InputError(Mistake("nodes", list(node[1]), "follows two points", "Attach it rigidly once."))
+        followers.add(node)
+    followed |= {(attachment.to, tuple(node)) for node in ties.points.reshape(-1, ties.points.shape[-1]).tolist()}
+    for name, indices in followers & followed:
+        problem = f"of {name!r} follows another body and is itself followed"
+        raise InputError(Mistake("nodes", list(indices), problem, remedy))
+
+
 def find_ties(attachment: Attachment, bodies: Mapping[str, Body]) -> Ties:
     """The ties of an attachment between bodies in their initial state.
 

@@ -8,9 +8,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpdeform.attachment import Attachment, Ties, find_ties
+from warpdeform.attachment import Attachment, Ties, find_all_ties
 from warpdeform.body import Body
-from warpdeform.errors import InputError, Mistake
 from warpdeform.forces.coupling import Coupling
 from warpdeform.kernels.ties import ties as tie_kernels
 from warpdeform.launching import launch_alone
@@ -199,54 +198,14 @@ def make_ties(
     """What attachments become.
 
     Raises:
-        InputError: All mistakes; keys begin with `attachment` and its place in the list.
+        InputError: All mistakes (:func:`warpdeform.attachment.find_all_ties`).
     """
     soft: list[SoftTies] = []
     rigid: list[RigidTies] = []
-    mistakes: list[Mistake] = []
-    followers: set[Node] = set()
-    followed: set[Node] = set()
-    for index, attachment in enumerate(attachments):
-        try:
-            ties = find_ties(attachment, bodies)
-            state, other = states[attachment.body], states[attachment.to]
-            if attachment.stiffness is not None:
-                soft.append(SoftTies(state, other, ties, attachment.stiffness))
-                continue
-            _take_followers(attachment, ties, state, followers, followed)
+    for attachment, ties in zip(attachments, find_all_ties(attachments, bodies), strict=True):
+        state, other = states[attachment.body], states[attachment.to]
+        if attachment.stiffness is None:
             rigid.append(RigidTies(state, other, ties))
-        except InputError as error:
-            mistakes += [Mistake(f"attachment.{index}.{m.key}", m.value, m.problem, m.remedy) for m in error.mistakes]
-    if mistakes:
-        raise InputError(mistakes)
+        else:
+            soft.append(SoftTies(state, other, ties, attachment.stiffness))
     return tuple(soft), tuple(rigid)
-
-
-Node = tuple[str, tuple[int, ...]]
-"""A node: name of its body, indices."""
-
-
-def _take_followers(
-    attachment: Attachment, ties: Ties, state: State, followers: set[Node], followed: set[Node]
-) -> None:
-    """Check the nodes of rigid ties and note them.
-
-    Raises:
-        InputError: A node that follows is pinned, follows twice, or is itself followed.
-    """
-    remedy = "Attach it with a stiffness, or leave it out."
-    places = state.layout.places(ties.nodes)
-    free = state.free.numpy()[0][places[:, 0], places[:, 1]]
-    if not free.all():
-        node = ties.nodes[int(np.argmin(free))].tolist()
-        raise InputError(Mistake("nodes", node, "is pinned and cannot follow another body", remedy))
-    own = [(attachment.body, tuple(node)) for node in ties.nodes.tolist()]
-    leads = {(attachment.to, tuple(node)) for node in ties.points.reshape(-1, ties.points.shape[-1]).tolist()}
-    for node in own:
-        if node in followers:
-            raise InputError(Mistake("nodes", list(node[1]), "follows two points", "Attach it rigidly once."))
-        followers.add(node)
-    followed |= leads
-    for name, node in followers & followed:
-        problem = f"of {name!r} follows another body and is itself followed"
-        raise InputError(Mistake("nodes", list(node), problem, remedy))

@@ -139,6 +139,23 @@ class BodyTable(Table):
     roughness: float | None = key(None, "Roughness, 0 (mirror) to 1 (matt)", example=0.7, words="a number")
 
 
+class AttachmentTable(Table):
+    """[[attachment]]: nodes of a body that hang on points of another; see `warpdeform.attachment.Attachment`."""
+
+    body: str = key(..., "Body whose nodes are attached; rigid ones follow the other body", example="curtain")
+    nodes: Selector = key(..., "Which of its nodes", example="edge:v,1", words=_SELECTOR)
+    to: str = key(..., "Body that they are attached to", example="rod")
+    at: Selector | list[list[float]] = key(
+        "nearest",
+        "Where on it: as many nodes, nodes of an edge, the nearest points, or parameters from 0 to 1",
+        example="nearest",
+        words='a selector, "nearest", or a list of parameters [[u, v], ...]',
+    )
+    stiffness: float | None = key(
+        None, "Stiffness of each node's tie; left out: rigid", unit="N/m", example=100.0, words="a number"
+    )
+
+
 class WindTable(Table):
     """[wind]: the stream of air; see `warpdeform.wind.Wind`."""
 
@@ -167,6 +184,7 @@ class SceneFile(Table):
         words="tables [[body]], at least one",
     )
     obstacle: list[AnyObstacleTable] = key([], "Obstacles", words="tables [[obstacle]]")
+    attachment: list[AttachmentTable] = key([], "What ties bodies to each other", words="tables [[attachment]]")
     wind: WindTable | None = key(None, "Stream of air; left out: the air is at rest", words="a table [wind]")
     output: OutputTable = key(OutputTable(), "What is written", words="a table [output]")
 
