@@ -29,10 +29,15 @@ class Pin:
     Attributes:
         nodes: Which nodes, see `NodeSelector`.
         track: Rigid motion of the held nodes relative to their initial positions; None holds them still.
+        until: When they are let go [s]; None holds them for good.
     """
 
     nodes: NodeSelector
     track: "Track | None" = None
+    until: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_end(self.until)
 
 
 @dataclass(frozen=True)
@@ -44,16 +49,24 @@ class Spring:
         stiffness: Stiffness of each node's spring [N/m].
         point: World point [m]; None ties each node to its own initial position.
         track: Rigid motion of the points; None leaves them still.
+        until: When the springs let go [s]; None keeps them for good.
     """
 
     nodes: NodeSelector
     stiffness: float
     point: tuple[float, float, float] | None = None
     track: "Track | None" = None
+    until: float | None = None
 
     def __post_init__(self) -> None:
+        _check_end(self.until)
         if not (math.isfinite(self.stiffness) and self.stiffness > 0):
             raise InputError(Mistake("stiffness", self.stiffness, "must be positive [N/m]", "Use for example 100."))
+
+
+def _check_end(until: float | None) -> None:
+    if until is not None and not until >= 0:
+        raise InputError(Mistake("until", until, "must not be negative [s]", "Leave it out to hold for good."))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpdeform.body import Body, rotate
+from warpdeform.body import Body, Pin, rotate
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.measure import exposed_shares, node_measures
 from warpdeform.selectors import select_nodes
@@ -62,14 +62,12 @@ class Model:
         self.spacing = float(min(length.min() for length in self._rest_lengths))
         lengths = [float(length.mean()) for length in self._rest_lengths]
         self.lengths = (*lengths, *[math.inf] * (len(grid.nodes) - grid.dimension))
-        free = np.ones(body.nodes)
         self._pinned = [(pin, tuple(select_nodes(pin.nodes, body.nodes, body.kind).T)) for pin in body.pins]
-        for _, held in self._pinned:
-            free[held] = 0.0
         self.has_pins = bool(self._pinned)
+        self._let_go = 0
         self.mass = self.upload(self.node_mass)
         self.area = self.upload(exposed_shares(grid, rest, body.diameter))
-        self.free = self.upload(free)
+        self.free = self.upload(self._free_nodes(0.0))
         self._targets = np.zeros((*body.nodes, 3))
         self.pins_move = any(pin.track is not None and not pin.track.static for pin in body.pins)
         self.target = self.upload(self._pin_targets(0.0))
@@ -86,10 +84,27 @@ class Model:
         """A component array as values per node, shape (*nodes, n), a fresh copy."""
         return self.layout.unpack(array.numpy())
 
-    def place_targets(self, time: float) -> None:
-        """Write where moving pins are at `time` [s]; does nothing for pins that stay."""
+    def place_targets(self, time: float) -> bool:
+        """Write where moving pins are in the step that ends at `time` [s], and which nodes are held in it.
+
+        Returns:
+            Whether other nodes are held than in the step before.
+        """
         if self.pins_move:
             self.target.assign(self.layout.pack(self._pin_targets(time)))
+        let_go = sum(_is_over(pin, time) for pin, _ in self._pinned)
+        changed = let_go != self._let_go
+        if changed:
+            self._let_go = let_go
+            self.free.assign(self.layout.pack(self._free_nodes(time)))
+        return changed
+
+    def _free_nodes(self, time: float) -> Array:
+        free = np.ones(self.body.nodes)
+        for pin, held in self._pinned:
+            if not _is_over(pin, time):
+                free[held] = 0.0
+        return free
 
     def _pin_targets(self, time: float) -> Array:
         """Targets of the pinned nodes; a track moves them relative to where they start."""
@@ -105,6 +120,11 @@ class Model:
         """Longest edge over its rest length; positions as a component array (3, rows, columns)."""
         lengths = _edge_lengths(self.grid, self.download(positions))
         return float(max(np.max(now / rest) for now, rest in zip(lengths, self._rest_lengths, strict=True)))
+
+
+def _is_over(pin: Pin, time: float) -> bool:
+    """Whether a pin has let go before a step that ends at `time`; times are multiples of a step to round-off."""
+    return pin.until is not None and time > pin.until + 1e-9
 
 
 def _edge_lengths(grid: ParameterGrid, positions: Array) -> list[Array]:

@@ -178,7 +178,7 @@ def _pin(table: PinTable, held: NDArray[np.float64], at: Path, collector: Collec
     track = None
     with collector.at((*at, "path")):
         track = held_track(table.path, held) if table.path else None
-    return Pin(table.nodes, track)
+    return Pin(table.nodes, track, table.until)
 
 
 def _spring(table: SpringTable, held: NDArray[np.float64], at: Path, collector: Collector) -> Spring:
@@ -187,7 +187,7 @@ def _spring(table: SpringTable, held: NDArray[np.float64], at: Path, collector: 
     track = None
     with collector.at((*at, "path")):
         track = held_track(table.path, np.array([point]) if point else held) if table.path else None
-    return Spring(table.nodes, table.stiffness, point, track)
+    return Spring(table.nodes, table.stiffness, point, track, table.until)
 
 
 def _tuple(value: Any) -> Any:

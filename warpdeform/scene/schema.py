@@ -73,6 +73,7 @@ class PinTable(Table):
     shorthand = "nodes"
     nodes: Selector = key(..., "Which nodes", example="corner:0,0", words=_SELECTOR)
     path: HeldPathTable | None = key(None, "How they are led; left out: they stay where they are", words="a table")
+    until: float | None = key(None, "When they are let go; left out: never", unit="s", example=1.0, words="a number")
 
 
 class SpringTable(Table):
@@ -84,6 +85,7 @@ class SpringTable(Table):
         None, "Where they pull to; left out: each node to its start", unit="m", example=[0, 0, 1], words="3 numbers"
     )
     path: HeldPathTable | None = key(None, "How that point moves; left out: it stays where it is", words="a table")
+    until: float | None = key(None, "When they let go; left out: never", unit="s", example=1.0, words="a number")
 
 
 class StrandsTable(Table):
