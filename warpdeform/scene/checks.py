@@ -174,10 +174,27 @@ def materials(simulation: Simulation, history: History) -> list[Claim]:
     ]
 
 
+def spring_steel(simulation: Simulation, history: History) -> list[Claim]:
+    """The cable bends the strip far without stretching it; let go, it rings as a clamped beam does."""
+    tip = np.array([frame[-1].mean(axis=0) for frame in history.positions["strip"]])
+    times, let_go = np.array(history.times), history.after(1.0)
+    height = tip[let_go:, 2] - 0.2
+    turns = times[let_go:-1][height[:-1] * height[1:] < 0.0]
+    # 1.8751^2 / (2 pi L^2) sqrt(E h^2 / (12 rho)), the clamp in the middle between the two pinned rows.
+    frequency = 1.8751**2 / (2.0 * np.pi * 0.295**2) * np.sqrt(2.0e11 * 5e-4**2 / (12.0 * 7850.0))
+    return [
+        _pins_still(history, simulation),
+        _stretch(simulation, 1.001),
+        Claim("height to which the cable bends the tip [m]", float(height[0]), 0.15, 0.25),
+        Claim("depth that it swings to [m]", float(-height[: let_go // 4].min()), 0.15, 0.25),
+        Claim("its frequency over that of a beam", 0.5 / float(np.diff(turns).mean()) / frequency, 0.9, 1.1),
+    ]
+
+
 def _fallen(frames: list[Array]) -> float:
     """How far below its start the lowest node of all frames is [m]."""
     return float(frames[0][..., 2].min() - min(frame[..., 2].min() for frame in frames))
 
 
-CHECKS: dict[str, Check] = {check.__name__: check for check in (hanging, flag, carpet, bunny, materials)}
+CHECKS: dict[str, Check] = {check.__name__: check for check in (hanging, flag, carpet, bunny, materials, spring_steel)}
 """The check of each packaged scene, by the scene's name."""
