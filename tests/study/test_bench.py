@@ -12,10 +12,11 @@ from typer.testing import CliRunner
 
 from warpdeform.cli import app
 from warpdeform.scene import Override
+from warpdeform.scene.measure import folds
 from warpdeform.study.bench import kernels as kernel_bench
 from warpdeform.study.bench import scaling as scaling_bench
 from warpdeform.study.bench import step as step_bench
-from warpdeform.study.bench.iterations import bench_iterations, folds
+from warpdeform.study.bench.iterations import bench_iterations
 from warpdeform.study.bench.kernels import bench_kernels
 from warpdeform.study.bench.machine import core_for, describe, one_core, sentence
 from warpdeform.study.bench.passes import PASSES, YARDSTICK, Sheet

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpdeform.scene.measure import asymmetry, depth, samples
+from warpdeform.scene.measure import asymmetry, depth, folds, samples
 from warpdeform.selectors import select_nodes
 
 if TYPE_CHECKING:
@@ -174,6 +174,18 @@ def materials(simulation: Simulation, history: History) -> list[Claim]:
     ]
 
 
+def lifted_patch(simulation: Simulation, history: History) -> list[Claim]:
+    """Both are lifted; the membrane crumples, the plate stays smooth and lifts more of itself."""
+    ends = {name: frames[-1] for name, frames in history.positions.items()}
+    return [
+        _stretch(simulation, 1.15),
+        *(Claim(f"height of the {name}'s corner [m]", float(r[0, 0, 2]), 0.25, 0.4) for name, r in ends.items()),
+        Claim("folds of the membrane [degrees]", folds(ends["membrane"]), 60.0, 180.0),
+        Claim("folds of the plate [degrees]", folds(ends["plate"]), 0.0, 15.0),
+        *(_nothing_inside(history, simulation, name, 1e-3) for name in ends),
+    ]
+
+
 def spring_steel(simulation: Simulation, history: History) -> list[Claim]:
     """The cable bends the strip far without stretching it; let go, it rings as a clamped beam does."""
     tip = np.array([frame[-1].mean(axis=0) for frame in history.positions["strip"]])
@@ -196,5 +208,7 @@ def _fallen(frames: list[Array]) -> float:
     return float(frames[0][..., 2].min() - min(frame[..., 2].min() for frame in frames))
 
 
-CHECKS: dict[str, Check] = {check.__name__: check for check in (hanging, flag, carpet, bunny, materials, spring_steel)}
+CHECKS: dict[str, Check] = {
+    check.__name__: check for check in (hanging, flag, carpet, bunny, materials, lifted_patch, spring_steel)
+}
 """The check of each packaged scene, by the scene's name."""
