@@ -24,6 +24,7 @@ from warpdeform.study.bench.start import _COMPILED
 from warpdeform.study.bench.step import SIZES, bench_step
 from warpdeform.study.bench.stream import streams
 from warpdeform.study.bench.table import Target, table, targets_lines, three_digits
+from warpdeform.study.bench.threads import bench_threads
 from warpdeform.study.bench.yardstick import FLUXES, WEIGHTS, yardstick
 
 FEW = [each for each in PASSES if each.name in (YARDSTICK, "membrane flux", "membrane product")]
@@ -300,3 +301,11 @@ def test_iterations_are_counted_until_a_sheet_folds() -> None:
     bent = flat.copy()
     bent[2] = bent[1] + [0.0, 0.0, 1.0] * np.ones((3, 1))
     assert folds(bent) == pytest.approx(90.0)
+
+
+def test_threads_are_timed_beside_one() -> None:
+    found = bench_threads((24,), (2,), steps=2, repeats=2)
+    assert [run.threads for run in found.runs] == [1, 2]
+    assert all(run.same and run.fastest_ms > 0 for run in found.runs)
+    assert found.runs[0].gain == 1.0
+    assert any("24 x 24" in line for line in found.lines())

@@ -102,6 +102,34 @@ def step(
 
 @bench.command()
 @ending_well
+def threads(
+    sizes: Annotated[str, typer.Option("--sizes", metavar="N,N,...", help="Nodes along each side.")] = "64,128,256,512",
+    counts: Annotated[str, typer.Option("--threads", metavar="N,N,...", help="Threads beside one.")] = "2",
+    scene: Annotated[str, typer.Option("--scene", help="Name or path of the scene.")] = "hanging",
+    repeats: Repeats = 5,
+    sets: Set = None,
+    as_json: Json = False,
+) -> None:
+    """Time a step shared by threads beside one thread, and compare the results to the bit."""
+
+    def run() -> Result:
+        from warpdeform.scene import parse_override
+        from warpdeform.study.bench.threads import bench_threads
+
+        return bench_threads(
+            _numbers("--sizes", sizes),
+            _numbers("--threads", counts, least=1),
+            scene=scene,
+            repeats=repeats,
+            overrides=[parse_override(text) for text in sets or ()],
+            said=_say,
+        )
+
+    _report(run, as_json)
+
+
+@bench.command()
+@ending_well
 def iterations(
     sizes: Annotated[str, typer.Option("--sizes", metavar="N,N,...", help="Nodes along the longer side.")] = "17,33,65",
     scenes: Annotated[str, typer.Option("--scenes", metavar="S,S,...", help="Scenes.")] = "hanging,flag,carpet",
