@@ -24,7 +24,7 @@ def coefficients(**values: object) -> SurfaceCoefficients:
 
 def mistakes(**values: object) -> dict[str, str]:
     with pytest.raises(InputError) as caught:
-        Material(**values)
+        Material(**values).surface()
     return {mistake.key: str(mistake) for mistake in caught.value.mistakes}
 
 
@@ -179,7 +179,7 @@ def test_orthotropic_poisson_ratio_must_be_admissible() -> None:
 def test_exactly_one_form() -> None:
     assert "eta" in mistakes(**SHELL, eta=500.0)
     assert "membrane_stiffness" in mistakes(**PHYSICAL, membrane_stiffness=1000.0)
-    assert "is missing, as are membrane_stiffness and eta" in mistakes(density=1000.0)["youngs_modulus"]
+    assert "is missing, as are membrane_stiffness, axial_stiffness and eta" in mistakes(density=1000.0)["youngs_modulus"]
     assert "does not go with eta" in mistakes(**PAPER, bending_stiffness=1e-5)["bending_stiffness"]
     assert "does not go with youngs_modulus" in mistakes(**PHYSICAL, areal_density=1.0)["areal_density"]
 
