@@ -17,8 +17,8 @@ from typing import Any
 import warp as wp
 
 WORDS = frozenset(
-    "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 splat mul div root at_least sum_lanes max_lanes "
-    "dot3 cross3 scale scale6 vector outer symmetric isotropic apply6 inverse6".split()
+    "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 splat mul div root at_least larger exceeds sum_lanes "
+    "max_lanes dot3 cross3 normal3 scale scale6 vector outer symmetric isotropic apply6 inverse6".split()
 )
 NATIVE = {wp.float32: "float", wp.float64: "double"}
 
@@ -139,6 +139,15 @@ def _scalar_words(real: Any) -> SimpleNamespace:
         return wp.max(a, floor)
 
     @wp.func
+    def larger(a: real, b: real):
+        return wp.max(a, b)
+
+    @wp.func
+    def exceeds(a: real, limit: real):
+        """1 where a is greater than the limit, 0 elsewhere."""
+        return wp.where(a > limit, real(1.0), real(0.0))
+
+    @wp.func
     def sum_lanes(a: real):
         return wp.float64(a)
 
@@ -153,6 +162,13 @@ def _scalar_words(real: Any) -> SimpleNamespace:
     @wp.func
     def cross3(a: V, b: V):
         return V(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+    @wp.func
+    def normal3(t: V):
+        """A unit vector normal to the unit vector t (Duff et al., Building an Orthonormal Basis, Revisited, 2017)."""
+        sign = wp.where(t[2] < real(0.0), real(-1.0), real(1.0))
+        f = real(-1.0) / (sign + t[2])
+        return V(real(1.0) + sign * t[0] * t[0] * f, sign * t[0] * t[1] * f, -sign * t[0])
 
     @wp.func
     def scale(s: real, a: V):
@@ -297,6 +313,12 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
     @wp.func_native(lane_by_lane("a.c[k] > floor ? a.c[k] : floor"))
     def at_least(a: L, floor: real) -> L: ...
 
+    @wp.func_native(lane_by_lane("a.c[k] > b.c[k] ? a.c[k] : b.c[k]"))
+    def larger(a: L, b: L) -> L: ...
+
+    @wp.func_native(lane_by_lane(f"a.c[k] > limit ? ({rn})1 : ({rn})0"))
+    def exceeds(a: L, limit: real) -> L: ...
+
     @wp.func_native(f"double s = 0.0; {each} s += (double)a.c[k]; return s;")
     def sum_lanes(a: L) -> wp.float64: ...
 
@@ -309,6 +331,14 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
 
     @wp.func_native(rows(mat3, *(f"{products(k, m)} - {products(m, k)}" for k, m in ((1, 2), (2, 0), (0, 1)))))
     def cross3(a: V, b: V) -> V: ...
+
+    @wp.func_native(
+        f"{mat3} n; {each} {{ const {rn} x = t.data[0][k], y = t.data[1][k], z = t.data[2][k];"
+        f" const {rn} sign = z < ({rn})0 ? ({rn})-1 : ({rn})1; const {rn} f = ({rn})-1 / (sign + z);"
+        f" n.data[0][k] = ({rn})1 + sign * x * x * f; n.data[1][k] = sign * x * y * f; n.data[2][k] = -sign * x; }}"
+        " return n;"
+    )
+    def normal3(t: V) -> V: ...
 
     @wp.func_native(rows(mat3, *(f"{one('s')} * {row('a', k)}" for k in range(3))))
     def scale(s: L, a: V) -> V: ...

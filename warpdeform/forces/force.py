@@ -59,6 +59,7 @@ class GridTerm(Protocol):
     """What the linear solver asks of a term that couples nodes, on whatever grid; told in :class:`Force`."""
 
     sample_nodes: int
+    unknowns: int
 
     def bytes(self) -> int: ...
 
@@ -69,6 +70,8 @@ class GridTerm(Protocol):
     def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None: ...
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None: ...
+
+    def add_band(self, body: GridArrays, band: wp.array) -> None: ...
 
 
 class CoarseTerm(GridTerm, Protocol):
@@ -89,6 +92,8 @@ class Force:
     """True for terms whose Hessian couples nodes; False for node-wise terms, whose Hessian is one block per node."""
     sample_nodes: int = 0
     """Most nodes that one sample of the energy couples: no eigenvalue of D^-1 H is larger (elastic terms)."""
+    unknowns: int = 3
+    """Unknowns per node of the direct solve along strands: the position, and what else the Hessian eliminates."""
     energy_kind: ClassVar[str] = "field"
     """Where reports book the energy: "elastic", "gravity", "field"; "" where none is stored (friction, wind)."""
 
@@ -134,6 +139,12 @@ class Force:
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian [N/m], shape (6, rows, columns) (elastic terms)."""
+
+    def add_band(self, body: GridArrays, band: wp.array) -> None:
+        """Write what of the projected Hessian lies beside its diagonal blocks [N/m] (elastic terms of curves).
+
+        The layout of `band` is told in :mod:`warpdeform.kernels.strand`.
+        """
 
     def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
         """Add the whole Hessian of a node-wise term, one symmetric block per node [N/m], shape (6, rows, columns)."""

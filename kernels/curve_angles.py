@@ -1,0 +1,111 @@
+"""The angles of a strand's segments as a linear system: words that factorise and solve it along the rows.
+
+Node k couples the angles of its edges a and b (segments before k and k) by the second derivatives of its energy; the
+matrix is tridiagonal, with a corner that couples the last segment of a closed curve with the first. The last angle is
+eliminated last, so that the corner fills one column and no more. Angles that are held do not turn.
+"""
+
+import functools
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from warpdeform.kernels.curve_geometry import curve_geometry
+from warpdeform.kernels.lanes import lanes
+
+JOINT_COMPONENTS = 5
+"""Derivatives of a node's energy by its two angles: aa, bb, ab, then a, b."""
+CHAIN_COMPONENTS = 3
+"""Factors at a segment: 1 / pivot, coupling with the segment before over its pivot, column of the last segment."""
+PIVOT = 1.0e-6
+"""Smallest pivot, as a part of the diagonal: a strand that may spin freely has a singular matrix."""
+
+
+@functools.cache
+def angle_system(width: int, real: Any) -> SimpleNamespace:
+    """Device functions ``store_joint``, ``factorise`` and ``solve`` for one lane width and precision."""
+    words, shape = lanes(width, real), curve_geometry(width, real)
+    L = words.L
+    load1, store1, mul, div, splat = words.load1, words.store1, words.mul, words.div, words.splat
+    larger, at_least, row_after = words.larger, words.at_least, shape.row_after
+    zero, one, pivot, tiny = real(0.0), real(1.0), real(PIVOT), real(1.0e-30)
+
+    @wp.func
+    def store_joint(joint: wp.array3d(dtype=real), k: int, j: int, aa: L, bb: L, ab: L, a: L, b: L):
+        store1(joint, 0, k, j, aa)
+        store1(joint, 1, k, j, bb)
+        store1(joint, 2, k, j, ab)
+        store1(joint, 3, k, j, a)
+        store1(joint, 4, k, j, b)
+
+    @wp.func
+    def free_of(held: wp.array3d(dtype=real), i: int, j: int):
+        return splat(one) - load1(held, 0, i, j)
+
+    @wp.func
+    def inverse_pivot(diagonal: L, less: L):
+        return div(splat(one), at_least(larger(diagonal - less, pivot * diagonal), tiny))
+
+    @wp.func
+    def factorise(
+        joint: wp.array3d(dtype=real),
+        held: wp.array3d(dtype=real),
+        last: int,
+        loop: int,
+        j: int,
+        chain: wp.array3d(dtype=real),
+    ):
+        free = free_of(held, 1, j)
+        column = mul(mul(free, free_of(held, last, j)), load1(joint, 2, 1, j))
+        factor, coupling, corner = splat(zero), splat(zero), splat(zero)
+        for i in range(1, last):
+            diagonal = load1(joint, 1, i, j) + load1(joint, 0, i + 1, j)
+            inverse = inverse_pivot(diagonal, mul(factor, coupling))
+            following = free_of(held, i + 1, j)
+            coupling = mul(mul(free, following), load1(joint, 2, i + 1, j))
+            if i == last - 1:
+                column = column + coupling
+                coupling = splat(zero)
+            store1(chain, 0, i, j, inverse)
+            store1(chain, 1, i, j, factor)
+            store1(chain, 2, i, j, column)
+            corner = corner + mul(inverse, mul(column, column))
+            factor = mul(inverse, coupling)
+            column = splat(zero) - mul(factor, column)
+            free = following
+        diagonal = load1(joint, 1, last, j) + load1(joint, 0, row_after(last, loop), j)
+        store1(chain, 0, last, j, inverse_pivot(diagonal, corner))
+        store1(chain, 1, last, j, splat(zero))
+
+    @wp.func
+    def moment(joint: wp.array3d(dtype=real), held: wp.array3d(dtype=real), i: int, following: int, j: int):
+        """What turns segment i: less energy."""
+        return mul(free_of(held, i, j), splat(zero) - load1(joint, 4, i, j) - load1(joint, 3, following, j))
+
+    @wp.func
+    def solve(
+        joint: wp.array3d(dtype=real),
+        held: wp.array3d(dtype=real),
+        chain: wp.array3d(dtype=real),
+        last: int,
+        loop: int,
+        j: int,
+        turn: wp.array3d(dtype=real),
+    ):
+        """How far the angles turn."""
+        y, tail = splat(zero), splat(zero)
+        for i in range(1, last):
+            y = moment(joint, held, i, i + 1, j) - mul(load1(chain, 1, i, j), y)
+            store1(turn, 0, i, j, y)
+            tail = tail + mul(load1(chain, 0, i, j), mul(load1(chain, 2, i, j), y))
+        end = mul(load1(chain, 0, last, j), moment(joint, held, last, row_after(last, loop), j) - tail)
+        store1(turn, 0, last, j, end)
+        x = splat(zero) + end
+        for n in range(1, last):
+            i = last - n
+            y = load1(turn, 0, i, j) - mul(load1(chain, 2, i, j), end)
+            x = mul(load1(chain, 0, i, j), y) - mul(load1(chain, 1, i + 1, j), x)
+            store1(turn, 0, i, j, x)
+
+    return SimpleNamespace(store_joint=store_joint, factorise=factorise, solve=solve)
