@@ -4,7 +4,8 @@ A kernel body works on *lane groups*: ``width`` neighbouring nodes of a row, one
 On CUDA the width is 1 and a lane group is a plain scalar or vec3; on the CPU it is 16 (float32) or 8 (float64) and a
 group is a small matrix, on which LLVM vectorises every word below. The same kernel source serves both.
 
-Names: ``L`` one real per lane, ``V`` a 3-vector per lane, ``S`` a symmetric 3 x 3 block per lane, stored as
+Names: ``read`` loads into float64 whatever the precision of the array is, ``write`` stores what was computed so; ``L``
+is one real per lane, ``V`` a 3-vector per lane, ``S`` a symmetric 3 x 3 block per lane, stored as
 (xx, yy, zz, xy, xz, yz). Arrays are component arrays ``[component, row, column]`` with a halo of one row and
 ``halo`` columns on every side, so that no kernel has a border test (2-solver design, kernels over lanes).
 """
@@ -17,7 +18,7 @@ from typing import Any
 import warp as wp
 
 WORDS = frozenset(
-    "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 splat mul div root at_least larger exceeds sum_lanes "
+    "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 read1 read3 write3 splat mul div root at_least larger exceeds sum_lanes "
     "max_lanes dot3 cross3 normal3 scale scale6 vector outer symmetric isotropic apply6 inverse6".split()
 )
 NATIVE = {wp.float32: "float", wp.float64: "double"}
@@ -80,6 +81,7 @@ def _scalar_words(real: Any) -> SimpleNamespace:
     L = real
     V = wp.types.vector(3, real)
     S = wp.types.vector(6, real)
+    D = wp.types.vector(3, wp.float64)
 
     @wp.func
     def load1(a: wp.array3d(dtype=real), c: int, i: int, j: int):
@@ -117,6 +119,20 @@ def _scalar_words(real: Any) -> SimpleNamespace:
     def store6(a: wp.array3d(dtype=real), c: int, i: int, j: int, s: S):
         for k in range(6):
             a[c + k, i, j] = s[k]
+
+    @wp.func
+    def read1(a: wp.array3d(dtype=real), c: int, i: int, j: int):
+        return wp.float64(a[c, i, j])
+
+    @wp.func
+    def read3(a: wp.array3d(dtype=real), c: int, i: int, j: int):
+        return D(wp.float64(a[c, i, j]), wp.float64(a[c + 1, i, j]), wp.float64(a[c + 2, i, j]))
+
+    @wp.func
+    def write3(a: wp.array3d(dtype=real), c: int, i: int, j: int, v: D):
+        a[c, i, j] = real(v[0])
+        a[c + 1, i, j] = real(v[1])
+        a[c + 2, i, j] = real(v[2])
 
     @wp.func
     def splat(x: real):
@@ -267,6 +283,17 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
         start = f"const {rn}* row = &wp::index(a, c0 + {k}, i, 0); const int* column = &wp::index(columns, t, j);"
         return f"{{ {start} {each} r.{member}[k] = row[column[k]]; }} "
 
+    double_lanes, double_rows = f"wp::vec_t<{width}, double>", f"wp::mat_t<3, {width}, double>"
+    dv = f"double __attribute__((vector_size({8 * width}), aligned(8), may_alias))"
+
+    def as_double(target: str, lanes_of: str) -> str:
+        """Code that converts a vector of lanes into double precision, in memory."""
+        return f"{{ typedef {dv} dv; *(dv*)&{target} = __builtin_convertvector({lanes_of}, dv); }}"
+
+    def as_real(source: str) -> str:
+        """The lanes of a vector of doubles in memory as an expression."""
+        return f"__builtin_convertvector(*(dv*)&{source}, lv)"
+
     def products(k: int, m: int) -> str:
         return f"{row('a', k)} * {row('b', m)}"
 
@@ -297,6 +324,19 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
 
     @wp.func_native(store(6))
     def store6(a: wp.array3d(dtype=real), c0: int, i: int, j: int, v: S): ...
+
+    @wp.func_native(f"{lane_vector}{double_lanes} r; {as_double('r.c[0]', place(0))} return r;")
+    def read1(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> wp.types.vector(width, wp.float64): ...
+
+    @wp.func_native(
+        f"{lane_vector}{double_rows} r; " + "".join(as_double(f"r.data[{k}][0]", place(k)) for k in range(3)) + "return r;"
+    )
+    def read3(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> wp.types.matrix((3, width), wp.float64): ...
+
+    @wp.func_native(f"{lane_vector}typedef {dv} dv; " + "".join(f"{place(k)} = {as_real(f'v.data[{k}][0]')}; " for k in range(3)))
+    def write3(
+        a: wp.array3d(dtype=real), c0: int, i: int, j: int, v: wp.types.matrix((3, width), wp.float64)
+    ): ...
 
     @wp.func_native(lane_by_lane("x"))
     def splat(x: real) -> L: ...

@@ -14,7 +14,8 @@ The last two nodes of a closed curve also couple with the first two. They are th
 so that their rows, which reach along the whole strand, fill nothing but the array `border`: component n d + m is the
 coupling of unknown n of the border, 0 .. 2d - 1, with unknown m of the node.
 
-In one dimension this costs what a sweep of a smoother costs, and it is exact: curves need no coarser grids.
+All of it is in double precision, whatever the precision of the body: strands are stiff against stretching and soft
+against bending, so that single precision would leave no positive definite matrix of a long one.
 """
 
 import functools
@@ -25,7 +26,7 @@ import warp as wp
 
 from warpdeform.kernels.lanes import kernel_module, lanes
 
-PIVOT = {"float32": 1.0e-6, "float64": 1.0e-14}
+PIVOT = 1.0e-14
 """Smallest pivot as a part of the diagonal entry: below it round-off decides."""
 
 
@@ -45,14 +46,14 @@ def strand(width: int, real: Any, unknowns: int, closed: bool) -> SimpleNamespac
         closed: The last node is followed by the first.
 
     Returns:
-        Kernels ``enter_diagonal``, ``factorise`` and ``solve``.
+        Kernels ``enter_nodes``, ``factorise`` and ``solve``.
     """
-    words = lanes(width, real)
-    L, add1 = words.L, words.add1
-    load1, load3, store1, store3 = words.load1, words.load3, words.store1, words.store3
-    mul, div, root, splat, scale = words.mul, words.div, words.root, words.splat, words.scale
-    larger, at_least = words.larger, words.at_least
-    zero, one, pivot, tiny = real(0.0), real(1.0), real(PIVOT[real.__name__]), real(1.0e-30)
+    words, double = lanes(width, real), lanes(width, wp.float64)
+    read1, read3, write3 = words.read1, words.read3, words.write3
+    L, load1, store1, store3, add1 = double.L, double.load1, double.store1, double.store3, double.add1
+    load3, mul, div, root, splat = double.load3, double.mul, double.div, double.root, double.splat
+    larger, at_least = double.larger, double.at_least
+    zero, one, pivot, tiny = wp.float64(0.0), wp.float64(1.0), wp.float64(PIVOT), wp.float64(1.0e-60)
     d, d2 = unknowns, 2 * unknowns
     ends = 2 if closed else 0
     module = kernel_module(f"strand_{unknowns}{'_closed' if closed else ''}", width, real)
@@ -76,35 +77,40 @@ def strand(width: int, real: Any, unknowns: int, closed: bool) -> SimpleNamespac
         return div(splat(one), root(at_least(larger(diagonal - less, pivot * diagonal), tiny)))
 
     @wp.kernel(module=module)
-    def enter_diagonal(
+    def enter_nodes(
         loop: int,
         free: wp.array3d(dtype=real),
-        diagonal: wp.array3d(dtype=real),
-        band_out: wp.array3d(dtype=real),
+        blocks: wp.array3d(dtype=real),
+        band_out: wp.array3d(dtype=wp.float64),
     ):
-        """The 3 x 3 diagonal blocks into the band; pinned nodes get the rows and columns of the identity."""
+        """Adds what acts on single nodes; pinned nodes get the rows and columns of the identity."""
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
         before = wp.where(i == 1, loop, i - 1)
-        f0 = load1(free, 0, wp.where(before == 1, loop, wp.max(before - 1, 0)), j)
-        f1, f2 = load1(free, 0, before, j), load1(free, 0, i, j)
+        f0 = read1(free, 0, wp.where(before == 1, loop, wp.max(before - 1, 0)), j)
+        f1, f2 = read1(free, 0, before, j), read1(free, 0, i, j)
         for c in range(d):
             row, f = row_of(c), splat(one)
             if c < 3:
                 f = f2
-                store3(band_out, row, i, j, scale(mul(f, f0), load3(band_out, row, i, j)))
-                if wp.static(d == 4):
-                    store1(band_out, row + 3, i, j, mul(f, load1(band_out, row + 3, i, j)))
-                    store1(band_out, row + d + 3, i, j, mul(f, load1(band_out, row + d + 3, i, j)))
-                for m in range(c):
-                    store1(band_out, row + d2 + m, i, j, mul(f, load1(diagonal, c + m + 2, i, j)))
-                store1(band_out, row + d2 + c, i, j, mul(f, load1(diagonal, c, i, j)) + (splat(one) - f))
-            else:
-                store3(band_out, row + d2, i, j, scale(f2, load3(band_out, row + d2, i, j)))
-            store3(band_out, row + d, i, j, scale(mul(f, f1), load3(band_out, row + d, i, j)))
+            for m in range(d):
+                far, near, own = f, f, f
+                if m < 3:
+                    far, near, own = mul(f, f0), mul(f, f1), mul(f, f2)
+                store1(band_out, row + m, i, j, mul(far, load1(band_out, row + m, i, j)))
+                store1(band_out, row + d + m, i, j, mul(near, load1(band_out, row + d + m, i, j)))
+                if m <= c:
+                    x = load1(band_out, row + d2 + m, i, j)
+                    if m == c and c < 3:
+                        x = mul(f, x + read1(blocks, c, i, j)) + (splat(one) - f)
+                    elif c < 3:
+                        x = mul(f, x + read1(blocks, c + m + 2, i, j))
+                    else:
+                        x = mul(own, x)
+                    store1(band_out, row + d2 + m, i, j, x)
 
     @wp.func
-    def eliminate(band: wp.array3d(dtype=real), i: int, j: int, c: int):
+    def eliminate(band: wp.array3d(dtype=wp.float64), i: int, j: int, c: int):
         """Row c of a node, L_cs = (A_cs - sum over t < s of L_ct L_st) / L_ss."""
         row, first, total = row_of(c), first_of(c), splat(zero)
         for s in range(first, d2 + c):
@@ -126,7 +132,7 @@ def strand(width: int, real: Any, unknowns: int, closed: bool) -> SimpleNamespac
         return row_of(n % d) + d * (2 - n // d + e // d) + e % d
 
     @wp.func
-    def enter_border(nodes: int, j: int, band: wp.array3d(dtype=real), border: wp.array3d(dtype=real)):
+    def enter_border(nodes: int, j: int, band: wp.array3d(dtype=wp.float64), border: wp.array3d(dtype=wp.float64)):
         """What couples the last two nodes with all others."""
         for c in range(d):
             for m in range(d):
@@ -140,7 +146,7 @@ def strand(width: int, real: Any, unknowns: int, closed: bool) -> SimpleNamespac
                 add1(border, (d + m) * d + c, 2, j, load1(band, far, 2, j))
 
     @wp.func
-    def eliminate_border(nodes: int, j: int, band: wp.array3d(dtype=real), border: wp.array3d(dtype=real)):
+    def eliminate_border(nodes: int, j: int, band: wp.array3d(dtype=wp.float64), border: wp.array3d(dtype=wp.float64)):
         for n in range(d2):
             for i in range(1, nodes - 1):
                 for m in range(d):
@@ -168,7 +174,7 @@ def strand(width: int, real: Any, unknowns: int, closed: bool) -> SimpleNamespac
                     store1(band, at, own, j, inverse_root(x, total))
 
     @wp.kernel(module=module)
-    def factorise(nodes: int, band: wp.array3d(dtype=real), border: wp.array3d(dtype=real)):
+    def factorise(nodes: int, band: wp.array3d(dtype=wp.float64), border: wp.array3d(dtype=wp.float64)):
         group = wp.tid()
         j = (group + 1) * width
         if wp.static(closed):
@@ -183,9 +189,9 @@ def strand(width: int, real: Any, unknowns: int, closed: bool) -> SimpleNamespac
     def forwards_border(
         nodes: int,
         j: int,
-        band: wp.array3d(dtype=real),
-        border: wp.array3d(dtype=real),
-        work: wp.array3d(dtype=real),
+        band: wp.array3d(dtype=wp.float64),
+        border: wp.array3d(dtype=wp.float64),
+        work: wp.array3d(dtype=wp.float64),
     ):
         for n in range(d2):
             own = nodes - 1 + n // d
@@ -201,9 +207,9 @@ def strand(width: int, real: Any, unknowns: int, closed: bool) -> SimpleNamespac
     def backwards_border(
         nodes: int,
         j: int,
-        band: wp.array3d(dtype=real),
-        border: wp.array3d(dtype=real),
-        work: wp.array3d(dtype=real),
+        band: wp.array3d(dtype=wp.float64),
+        border: wp.array3d(dtype=wp.float64),
+        work: wp.array3d(dtype=wp.float64),
     ):
         for k in range(d2):
             n = d2 - 1 - k
@@ -219,17 +225,17 @@ def strand(width: int, real: Any, unknowns: int, closed: bool) -> SimpleNamespac
     @wp.kernel(module=module)
     def solve(
         nodes: int,
-        band: wp.array3d(dtype=real),
-        border: wp.array3d(dtype=real),
+        band: wp.array3d(dtype=wp.float64),
+        border: wp.array3d(dtype=wp.float64),
         r: wp.array3d(dtype=real),
-        work: wp.array3d(dtype=real),
+        work: wp.array3d(dtype=wp.float64),
         z_out: wp.array3d(dtype=real),
     ):
         """z = A^-1 r; no force acts on the angles."""
         group = wp.tid()
         j = (group + 1) * width
         for i in range(1, nodes + 1):
-            store3(work, 0, i, j, load3(r, 0, i, j))
+            store3(work, 0, i, j, read3(r, 0, i, j))
             if wp.static(d == 4):
                 store1(work, 3, i, j, splat(zero))
         for i in range(1, nodes + 1 - ends):
@@ -253,6 +259,6 @@ def strand(width: int, real: Any, unknowns: int, closed: bool) -> SimpleNamespac
                     q = t // d
                     add1(work, t - q * d, node_of(i, q), j, splat(zero) - mul(load1(band, row + t, i, j), x))
         for i in range(1, nodes + 1):
-            store3(z_out, 0, i, j, load3(work, 0, i, j))
+            write3(z_out, 0, i, j, load3(work, 0, i, j))
 
-    return SimpleNamespace(module=module, enter_diagonal=enter_diagonal, factorise=factorise, solve=solve)
+    return SimpleNamespace(module=module, enter_nodes=enter_nodes, factorise=factorise, solve=solve)

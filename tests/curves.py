@@ -7,6 +7,7 @@ the angles of least energy are found by SciPy.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -275,3 +276,37 @@ class DesignEnergy:
 
     def gradient(self, z: Array, angle: Array | None) -> Array:
         return np.array([self.slope(z, p.reshape(z.shape), angle) for p in np.eye(z.size)]).reshape(z.shape)
+
+
+class FakeModel:
+    """What solvers ask of a model, for a curve body that no body describes yet.
+
+    Attributes are those of :class:`warpdeform.model.Model`.
+    """
+
+    def __init__(self, curve: Curve, mass: Array, pinned: Array, positions: Array | None = None) -> None:
+        self.curve, self.grid, self.layout, self.real = curve, curve.grid, curve.layout, curve.real
+        self.lane_width, self.device = curve.layout.lane_width, wp.get_device("cpu")
+        self.node_mass, self.initial_positions = mass, curve.rest if positions is None else positions
+        self.lengths = (spacing(curve.rest), 1.0)
+        self.spacing = float(np.linalg.norm(curve_edges(curve), axis=-1).min())
+        self.has_pins = bool(pinned.any())
+        self.mass, self.area = curve.upload(mass), curve.upload(np.zeros(curve.nodes))
+        self.free = curve.upload(~pinned)
+        self.target = curve.upload(self.initial_positions * pinned[..., None])
+        self.pins_move = False
+        self.body = SimpleNamespace(velocity=np.zeros(3))
+
+    def zeros(self, components: int) -> wp.array:
+        return wp.zeros((components, self.layout.rows, self.layout.columns), dtype=self.real, device=self.device)
+
+    def download(self, array: wp.array) -> Array:
+        return self.curve.download(array)
+
+    def place_targets(self, time: float) -> None:
+        """Pins stay where they are."""
+
+
+def curve_edges(curve: Curve) -> Array:
+    rest = curve.rest
+    return np.diff(np.concatenate([rest, rest[:1]]) if curve.closed else rest, axis=0)

@@ -154,7 +154,7 @@ class CurveElasticity(Force):
         self._launch(kernel, self._loop, self.stretch, self.slopes, blocks)
 
     def add_band(self, body: GridArrays, band: wp.array) -> None:
-        """Write what of the Hessian lies beside its diagonal blocks, and all that belongs to the angles."""
+        """Add the Hessian, angles and all, to the band of each strand [N/m]."""
         kernel = curve_blocks(self._lane_width, self._real, self._strains).band_nodes
         spins, held = (self.frames.spins, self.frames.held) if self.frames else (self._none, self._none)
         self._launch(kernel, self._loop, self.stretch, self.slopes, spins, held, band)

@@ -141,9 +141,9 @@ class Force:
         """Add the 3 x 3 diagonal blocks of the projected Hessian [N/m], shape (6, rows, columns) (elastic terms)."""
 
     def add_band(self, body: GridArrays, band: wp.array) -> None:
-        """Write what of the projected Hessian lies beside its diagonal blocks [N/m] (elastic terms of curves).
+        """Add the projected Hessian to the band of each strand [N/m] (elastic terms of curves).
 
-        The layout of `band` is told in :mod:`warpdeform.kernels.strand`.
+        Float64 whatever the precision of the body; laid out as :mod:`warpdeform.kernels.strand` tells.
         """
 
     def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:

@@ -13,6 +13,7 @@ from warpdeform.kernels.multigrid import multigrid
 from warpdeform.linear.coarsest import DenseInverse
 from warpdeform.linear.operator import GridOperator
 from warpdeform.linear.smoother import LONG, SHORT, Smoother, rates_of
+from warpdeform.linear.strands import StrandInverse
 from warpdeform.linear.transfer import Transfer
 
 COARSEST_NODES = 12
@@ -84,8 +85,11 @@ class Level:
         self.residual, self._change = self._stiffening[:3], self._stiffening[3:]
         self.inverse = zeros(6)
         self._elastic = zeros(6) if operator.blocks is not None else self.inverse
-        self._coarsest: DenseInverse | None = None
+        self._coarsest: DenseInverse | StrandInverse | None = None
         self.coarse: Level | None = None
+        if grid.dimension == 1:
+            self._coarsest = StrandInverse(operator)
+            return
         coarser = grid.coarser(lengths) if grid.node_count > COARSEST_NODES else None
         if coarser is None:
             self._coarsest = DenseInverse(operator)

@@ -18,8 +18,14 @@ MULTIGRID_FROM = 800
 
 
 def choose_preconditioner(name: str, operator: LinearOperator) -> Preconditioner:
-    """The preconditioner of that name; "auto" is block-Jacobi for small bodies and the cheapest for others."""
+    """The preconditioner of that name; "auto" is block-Jacobi for small bodies and the cheapest for others.
+
+    Curves are solved directly, which is a multigrid of one grid: among them block-Jacobi is never cheaper.
+    """
     if name == "auto":
-        nodes = max(state.model.grid.node_count for state in operator.states)
-        name = Cheapest.name if nodes >= MULTIGRID_FROM else BlockJacobi.name
+        grids = [state.model.grid for state in operator.states]
+        if all(grid.dimension == 1 for grid in grids):
+            name = Multigrid.name
+        else:
+            name = Cheapest.name if max(grid.node_count for grid in grids) >= MULTIGRID_FROM else BlockJacobi.name
     return PRECONDITIONERS[name](operator)

@@ -30,27 +30,28 @@ class StrandInverse:
         self._kernels = strand(body.lane_width, body.real, unknowns, closed)
         self._dim = grid.lane_dim
 
-        def zeros(components: int, needed: bool = True) -> wp.array:
+        def zeros(components: int, real: Any = wp.float64, needed: bool = True) -> wp.array:
             shape = (components, grid.rows, grid.columns) if needed else (1, 1, 1)
-            return wp.zeros(shape, dtype=body.real, device=self._device)
+            return wp.zeros(shape, dtype=real, device=self._device)
 
         self._band, self._work = zeros(band_row(unknowns, unknowns)), zeros(unknowns)
-        self._border = zeros(2 * unknowns**2, closed)
-        self._diagonal = zeros(6)
+        self._border = zeros(2 * unknowns**2, needed=closed)
+        self._blocks = zeros(6, body.real) if operator.blocks is None else operator.blocks
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
-        arrays = (self._band, self._work, self._border, self._diagonal)
-        return sum(array.capacity for array in arrays)
+        own = self._blocks.capacity if self._operator.blocks is None else 0
+        return int(own + self._band.capacity + self._work.capacity + self._border.capacity)
 
     def update(self, unit: wp.array, product: wp.array) -> None:
         """Assemble and factorise; the scratch arrays of :class:`~warpdeform.linear.coarsest.DenseInverse` are left."""
         operator = self._operator
-        operator.write_diagonal(self._diagonal)
+        if operator.blocks is None:
+            operator.start_blocks(self._blocks)
         self._band.zero_()
         for term in operator.terms:
             term.add_band(operator.body, self._band)
-        self._launch("enter_diagonal", self._dim, self._loop, self._free, self._diagonal, self._band)
+        self._launch("enter_nodes", self._dim, self._loop, self._free, self._blocks, self._band)
         if self._loop:
             self._border.zero_()
         self._launch("factorise", self._dim[1], self._nodes, self._band, self._border)
