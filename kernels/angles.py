@@ -11,9 +11,9 @@ import warp as wp
 
 from warpdeform.kernels.lanes import lanes
 
-SINE_TERMS = 10
-"""Terms of the series at a quarter of the angle: full double precision up to two half turns."""
-TANGENT_TERMS = 21
+SINE_TERMS = {"float32": 6, "float64": 10}
+"""Terms of the series at a quarter of the angle: full precision up to two half turns."""
+TANGENT_TERMS = {"float32": 9, "float64": 21}
 """Terms of the series at an eighth of the angle, whose tangent is at most sqrt(2) - 1."""
 
 
@@ -23,6 +23,7 @@ def angles(width: int, real: Any) -> SimpleNamespace:
     words = lanes(width, real)
     L = words.L
     mul, div, root, at_least, splat = words.mul, words.div, words.root, words.at_least, words.splat
+    sines, tangents = SINE_TERMS[real.__name__], TANGENT_TERMS[real.__name__]
     quarter, one, two, eight, tiny = real(0.25), real(1.0), real(2.0), real(8.0), real(1.0e-12)
 
     @wp.func
@@ -32,8 +33,8 @@ def angles(width: int, real: Any) -> SimpleNamespace:
         xx = mul(x, x)
         unit = splat(one)
         c, s = splat(one), splat(one)
-        for k in range(SINE_TERMS):
-            n = real(2 * (SINE_TERMS - k))
+        for k in range(sines):
+            n = real(2 * (sines - k))
             c = unit - (one / (n * (n - one))) * mul(xx, c)
             s = unit - (one / (n * (n + one))) * mul(xx, s)
         s = mul(x, s)
@@ -48,9 +49,9 @@ def angles(width: int, real: Any) -> SimpleNamespace:
         t = div(t, unit + root(unit + mul(t, t)))
         t = div(t, unit + root(unit + mul(t, t)))
         tt = mul(t, t)
-        p = splat(one / real(2 * TANGENT_TERMS + 1))
-        for k in range(TANGENT_TERMS):
-            p = splat(one / real(2 * (TANGENT_TERMS - k) - 1)) - mul(tt, p)
+        p = splat(one / real(2 * tangents + 1))
+        for k in range(tangents):
+            p = splat(one / real(2 * (tangents - k) - 1)) - mul(tt, p)
         return eight * mul(t, p)
 
     return SimpleNamespace(cos_sin=cos_sin, angle_of=angle_of)

@@ -33,8 +33,8 @@ STRETCH_COMPONENTS = 4
 """Linearised stretch of a segment: w, clipped tension."""
 SLOPE_COMPONENTS = 6
 """Linearised strain of a node: w by its edge a, then by its edge b."""
-SPIN_COMPONENTS = 6
-"""Derivatives of the three strains of a node by the angles of its segments: by a's and b's, strain by strain."""
+SPIN_COMPONENTS = 3
+"""Derivatives of the three strains of a node by the angle of its edge b; by that of edge a: the same, and less twist."""
 
 
 FLAT = 1.0e-12
@@ -131,8 +131,10 @@ def curve(width: int, real: Any, strains: int) -> SimpleNamespace:
                 wa, wb = load3(slopes, 6 * k, i, j), load3(slopes, 6 * k + 3, i, j)
                 q = dot3(wa, pa) + dot3(wb, pb)
                 if wp.static(strains == 3):
-                    q = q + mul(load1(spins, 2 * k, i, j), load1(turn, 0, before, j))
-                    q = q + mul(load1(spins, 2 * k + 1, i, j), load1(turn, 0, i, j))
+                    turned = load1(turn, 0, i, j) - load1(turn, 0, before, j)
+                    if k < 2:
+                        turned = load1(turn, 0, i, j) + load1(turn, 0, before, j)
+                    q = q + mul(load1(spins, k, i, j), turned)
                 fa = fa + scale(q, wa)
                 fb = fb + scale(q, wb)
             store3(flux_out, 3, i, j, fa)

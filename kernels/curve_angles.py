@@ -14,30 +14,33 @@ import warp as wp
 from warpdeform.kernels.curve_geometry import curve_geometry
 from warpdeform.kernels.lanes import lanes
 
-JOINT_COMPONENTS = 5
-"""Derivatives of a node's energy by its two angles: aa, bb, ab, then a, b."""
+JOINT_COMPONENTS = 4
+"""Derivatives of a node's energy by its two angles: aa = bb, ab, then a, b."""
 CHAIN_COMPONENTS = 3
 """Factors at a segment: 1 / pivot, coupling with the segment before over its pivot, column of the last segment."""
-PIVOT = 1.0e-6
-"""Smallest pivot, as a part of the diagonal: a strand that may spin freely has a singular matrix."""
+PIVOT = {"float32": 1.0e-5, "float64": 1.0e-12}
+"""Pivots below this part of the diagonal are round-off, those of a strand that may spin freely: its last angle stays."""
 
 
 @functools.cache
 def angle_system(width: int, real: Any) -> SimpleNamespace:
-    """Device functions ``store_joint``, ``factorise`` and ``solve`` for one lane width and precision."""
+    """Device functions ``store_matrix``, ``store_moments``, ``moment``, ``factorise`` and ``solve`` for one lane width and precision."""
     words, shape = lanes(width, real), curve_geometry(width, real)
     L = words.L
     load1, store1, mul, div, splat = words.load1, words.store1, words.mul, words.div, words.splat
-    larger, at_least, row_after = words.larger, words.at_least, shape.row_after
-    zero, one, pivot, tiny = real(0.0), real(1.0), real(PIVOT), real(1.0e-30)
+    exceeds, at_least, row_after = words.exceeds, words.at_least, shape.row_after
+    zero, one, pivot, tiny = real(0.0), real(1.0), real(PIVOT[real.__name__]), real(1.0e-30)
 
     @wp.func
-    def store_joint(joint: wp.array3d(dtype=real), k: int, j: int, aa: L, bb: L, ab: L, a: L, b: L):
-        store1(joint, 0, k, j, aa)
-        store1(joint, 1, k, j, bb)
-        store1(joint, 2, k, j, ab)
-        store1(joint, 3, k, j, a)
-        store1(joint, 4, k, j, b)
+    def store_matrix(joint: wp.array3d(dtype=real), k: int, j: int, bending: L, twist: L):
+        """Bending resists the sum of both angles, twist their difference."""
+        store1(joint, 0, k, j, bending + twist)
+        store1(joint, 1, k, j, bending - twist)
+
+    @wp.func
+    def store_moments(joint: wp.array3d(dtype=real), k: int, j: int, bending: L, twist: L):
+        store1(joint, 2, k, j, bending - twist)
+        store1(joint, 3, k, j, bending + twist)
 
     @wp.func
     def free_of(held: wp.array3d(dtype=real), i: int, j: int):
@@ -45,7 +48,8 @@ def angle_system(width: int, real: Any) -> SimpleNamespace:
 
     @wp.func
     def inverse_pivot(diagonal: L, less: L):
-        return div(splat(one), at_least(larger(diagonal - less, pivot * diagonal), tiny))
+        d = diagonal - less
+        return div(exceeds(d - pivot * diagonal, zero), at_least(d, tiny))
 
     @wp.func
     def factorise(
@@ -57,13 +61,13 @@ def angle_system(width: int, real: Any) -> SimpleNamespace:
         chain: wp.array3d(dtype=real),
     ):
         free = free_of(held, 1, j)
-        column = mul(mul(free, free_of(held, last, j)), load1(joint, 2, 1, j))
+        column = mul(mul(free, free_of(held, last, j)), load1(joint, 1, 1, j))
         factor, coupling, corner = splat(zero), splat(zero), splat(zero)
         for i in range(1, last):
-            diagonal = load1(joint, 1, i, j) + load1(joint, 0, i + 1, j)
+            diagonal = load1(joint, 0, i, j) + load1(joint, 0, i + 1, j)
             inverse = inverse_pivot(diagonal, mul(factor, coupling))
             following = free_of(held, i + 1, j)
-            coupling = mul(mul(free, following), load1(joint, 2, i + 1, j))
+            coupling = mul(mul(free, following), load1(joint, 1, i + 1, j))
             if i == last - 1:
                 column = column + coupling
                 coupling = splat(zero)
@@ -74,14 +78,14 @@ def angle_system(width: int, real: Any) -> SimpleNamespace:
             factor = mul(inverse, coupling)
             column = splat(zero) - mul(factor, column)
             free = following
-        diagonal = load1(joint, 1, last, j) + load1(joint, 0, row_after(last, loop), j)
+        diagonal = load1(joint, 0, last, j) + load1(joint, 0, row_after(last, loop), j)
         store1(chain, 0, last, j, inverse_pivot(diagonal, corner))
         store1(chain, 1, last, j, splat(zero))
 
     @wp.func
     def moment(joint: wp.array3d(dtype=real), held: wp.array3d(dtype=real), i: int, following: int, j: int):
         """What turns segment i: less energy."""
-        return mul(free_of(held, i, j), splat(zero) - load1(joint, 4, i, j) - load1(joint, 3, following, j))
+        return mul(free_of(held, i, j), splat(zero) - load1(joint, 3, i, j) - load1(joint, 2, following, j))
 
     @wp.func
     def solve(
@@ -108,4 +112,6 @@ def angle_system(width: int, real: Any) -> SimpleNamespace:
             x = mul(load1(chain, 0, i, j), y) - mul(load1(chain, 1, i + 1, j), x)
             store1(turn, 0, i, j, x)
 
-    return SimpleNamespace(store_joint=store_joint, factorise=factorise, solve=solve)
+    return SimpleNamespace(
+        store_matrix=store_matrix, store_moments=store_moments, moment=moment, factorise=factorise, solve=solve
+    )

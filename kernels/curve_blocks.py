@@ -65,6 +65,14 @@ def curve_blocks(width: int, real: Any, strains: int) -> SimpleNamespace:
         return read3(slopes, 6 * k + 3, i, j)
 
     @wp.func
+    def by_a(spins: wp.array3d(dtype=real), k: int, i: int, j: int):
+        """Derivative of strain k of a node by the angle of its edge a; by that of edge b it is the spin itself."""
+        spin = read1(spins, k, i, j)
+        if k == 2:
+            spin = splat(zero) - spin
+        return spin
+
+    @wp.func
     def tensed(stretch: wp.array3d(dtype=real), i: int, j: int, c: int):
         """Row c of the block of a segment."""
         w, tension = read3(stretch, 0, i, j), read1(stretch, 3, i, j)
@@ -95,11 +103,11 @@ def curve_blocks(width: int, real: Any, strains: int) -> SimpleNamespace:
         """The row of the angle of segment i, which node i has as that of its edge b, the next node as that of its a."""
         near, own, near_angle, own_angle = D(), D(), splat(zero), splat(zero)
         for k in range(strains):
-            a, b, b_next = read1(spins, 2 * k, i, j), read1(spins, 2 * k + 1, i, j), read1(spins, 2 * k, after, j)
+            b, a_next = read1(spins, k, i, j), by_a(spins, k, after, j)
             near = near + scale(b, by_start(slopes, k, i, j))
-            own = own + scale(b, by_middle(slopes, k, i, j)) + scale(b_next, by_start(slopes, k, after, j))
-            near_angle = near_angle + mul(a, b)
-            own_angle = own_angle + (mul(b, b) + mul(b_next, b_next))
+            own = own + scale(b, by_middle(slopes, k, i, j)) + scale(a_next, by_start(slopes, k, after, j))
+            near_angle = near_angle + mul(by_a(spins, k, i, j), b)
+            own_angle = own_angle + (mul(b, b) + mul(a_next, a_next))
         free = free_of(held, i, j)
         for m in range(3):
             add1(band, angle_row + d + m, i, j, mul(free, near[m]))
@@ -133,9 +141,9 @@ def curve_blocks(width: int, real: Any, strains: int) -> SimpleNamespace:
                 near = near + scale(middle[c], by_start(slopes, k, i, j))
                 own = own + (scale(end[c], end) + scale(middle[c], middle) + scale(start[c], start))
                 if wp.static(strains == 3):
-                    far_angle = far_angle + mul(end[c], read1(spins, 2 * k, before, j))
-                    near_angle = near_angle + mul(end[c], read1(spins, 2 * k + 1, before, j))
-                    near_angle = near_angle + mul(middle[c], read1(spins, 2 * k, i, j))
+                    far_angle = far_angle + mul(end[c], by_a(spins, k, before, j))
+                    near_angle = near_angle + mul(end[c], read1(spins, k, before, j))
+                    near_angle = near_angle + mul(middle[c], by_a(spins, k, i, j))
             for m in range(3):
                 add1(band_out, row + m, i, j, far[m])
                 add1(band_out, row + d + m, i, j, near[m])

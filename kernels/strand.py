@@ -73,8 +73,8 @@ def strand(width: int, real: Any, unknowns: int, closed: bool) -> SimpleNamespac
         return wp.max(i - 2 + q, 0)
 
     @wp.func
-    def inverse_root(diagonal: L, less: L):
-        return div(splat(one), root(at_least(larger(diagonal - less, pivot * diagonal), tiny)))
+    def inverse_pivot(diagonal: L, less: L):
+        return div(splat(one), at_least(larger(diagonal - less, pivot * diagonal), tiny))
 
     @wp.kernel(module=module)
     def enter_nodes(
@@ -111,20 +111,25 @@ def strand(width: int, real: Any, unknowns: int, closed: bool) -> SimpleNamespac
 
     @wp.func
     def eliminate(band: wp.array3d(dtype=wp.float64), i: int, j: int, c: int):
-        """Row c of a node, L_cs = (A_cs - sum over t < s of L_ct L_st) / L_ss."""
-        row, first, total = row_of(c), first_of(c), splat(zero)
+        """Row c of a node: u_s = A_cs - sum over t < s of u_t L_st, L_cs = u_s / D_s, D_c = A_cc - sum of u_s L_cs."""
+        row, first, less = row_of(c), first_of(c), splat(zero)
         for s in range(first, d2 + c):
             q = s // d
-            node, m = node_of(i, q), s - q * d
-            other = row_of(m)
-            x = load1(band, row + s, i, j)
-            # What unknown t is to row c of node i, t + (2 - q) d is to row m of node i - 2 + q.
+            node = node_of(i, q)
+            # What unknown t is to row c of node i, t + (2 - q) d is to the row of unknown s.
+            other = row_of(s - q * d) + (2 - q) * d
+            u = load1(band, row + s, i, j)
             for t in range(first, s):
-                x = x - mul(load1(band, row + t, i, j), load1(band, other + t + (2 - q) * d, node, j))
-            x = mul(x, load1(band, other + d2 + m, node, j))
+                u = u - mul(load1(band, row + t, i, j), load1(band, other + t, node, j))
+            store1(band, row + s, i, j, u)
+        for s in range(first, d2 + c):
+            q = s // d
+            m = s - q * d
+            u = load1(band, row + s, i, j)
+            x = mul(u, load1(band, row_of(m) + d2 + m, node_of(i, q), j))
+            less = less + mul(u, x)
             store1(band, row + s, i, j, x)
-            total = total + mul(x, x)
-        store1(band, row + d2 + c, i, j, inverse_root(load1(band, row + d2 + c, i, j), total))
+        store1(band, row + d2 + c, i, j, inverse_pivot(load1(band, row + d2 + c, i, j), less))
 
     @wp.func
     def border_entry(n: int, e: int):
@@ -171,7 +176,7 @@ def strand(width: int, real: Any, unknowns: int, closed: bool) -> SimpleNamespac
                 if e < n:
                     store1(band, at, own, j, mul(x - total, load1(band, border_entry(e, e), node, j)))
                 else:
-                    store1(band, at, own, j, inverse_root(x, total))
+                    store1(band, at, own, j, inverse_pivot(x, total))
 
     @wp.kernel(module=module)
     def factorise(nodes: int, band: wp.array3d(dtype=wp.float64), border: wp.array3d(dtype=wp.float64)):

@@ -230,14 +230,17 @@ class DesignEnergy:
         t = e / length(e)[..., None]
         u = transport(directors, tangents, t)
         c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
-        m1 = c * u + s * np.cross(t, u)
-        m2 = np.cross(t, m1)
-        kb = self.binormal(z)
+        director = c * u + s * np.cross(t, u)
         (ta, tb), (ua, ub), (angle_a, angle_b) = self.pairs(t), self.pairs(u), self.pairs(angle)
         carried = transport(ua, ta, tb)
         turning = 2 * np.arctan(dot(np.cross(carried, ub), tb) / (1 + dot(carried, ub)))
-        k = [dot(kb, sum(self.pairs(m))) / 2 for m in (m1, m2)]
-        return np.stack([*k, angle_b - angle_a + turning], axis=-1)
+        twist = angle_b - angle_a + turning
+        da, _ = self.pairs(director)
+        # Half way from one edge to the other; kb is normal to both, so that it does not matter about which to turn.
+        c, s = np.cos(twist / 2)[..., None], np.sin(twist / 2)[..., None]
+        n1 = c * da + s * np.cross(ta, da)
+        kb = self.binormal(z)
+        return np.stack([dot(kb, n1), dot(kb, np.cross(ta, n1)), twist], axis=-1)
 
     def energy(self, z: Array, angle: Array | None = None) -> Any:
         g, g0 = (dot(e, e) for e in (self.edges(z), self.edges(self.rest)))

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from warpdeform.errors import InputError, Mistake
 from warpdeform.grid import ParameterGrid
-from warpdeform.material import CurveCoefficients, Material, PaperCurveWeights
+from warpdeform.kernels.curve_geometry import FOLD
+from warpdeform.material import Material, PaperCurveWeights
 from warpdeform.section import Section
 
 Array = NDArray[np.float64]
@@ -138,12 +139,12 @@ def node_lengths(grid: ParameterGrid, lengths: Array) -> Array:
 
 
 def binormals(grid: ParameterGrid, positions: Array) -> Array:
-    """Curvature binormals kb = 2 a x b / (|a||b| + a.b), shape (n, strands, 3), zero at open ends."""
+    """Curvature binormals kb of :mod:`warpdeform.kernels.curve`, shape (n, strands, 3), zero at open ends."""
     b = edges(grid, positions)
     kb = np.zeros_like(positions)
     a = np.roll(b, 1, axis=0)
     inner = slice(None) if grid.periodic[0] else slice(1, len(b))
-    size = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1) + np.sum(a * b, axis=-1)
+    size = (1.0 + FOLD) * np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1) + np.sum(a * b, axis=-1)
     kb[: len(b)][inner] = (2.0 * np.cross(a, b) / size[..., None])[inner]
     return kb
 
@@ -177,6 +178,29 @@ def material_frames(grid: ParameterGrid, positions: Array, director: ArrayLike |
     for i in range(1, len(tangents)):
         directors[i] = normal_part(transported(directors[i - 1], tangents[i - 1], tangents[i]), tangents[i])
     return Frames(tangents, directors)
+
+
+def material_strains(grid: ParameterGrid, positions: Array, frames: Frames) -> Array:
+    """kappa_1, kappa_2 and the twist of a shape with these frames, shape (n, strands, 3), zero at open ends.
+
+    The formulas are those of :mod:`warpdeform.kernels.curve_frame`, in double precision: rest shapes that were rounded
+    to single precision would be crooked for good.
+    """
+    last = len(frames.tangents)
+    tb, ub = frames.tangents, frames.directors
+    ta, ua = np.roll(tb, 1, axis=0), np.roll(ub, 1, axis=0)
+    carried = transported(ua, ta, tb)
+    twist = np.arctan2(np.sum(np.cross(carried, ub) * tb, axis=-1), np.sum(carried * ub, axis=-1))
+    c, s = np.cos(0.5 * twist)[..., None], np.sin(0.5 * twist)[..., None]
+    n1 = c * ua + s * np.cross(ta, ua)
+    kb = binormals(grid, positions)[:last]
+    strains = np.zeros_like(positions)
+    strains[:last, :, 0] = np.sum(kb * n1, axis=-1)
+    strains[:last, :, 1] = np.sum(kb * np.cross(ta, n1), axis=-1)
+    strains[:last, :, 2] = twist
+    if not grid.periodic[0]:
+        strains[0] = 0.0
+    return strains
 
 
 def transported(d: Array, t0: Array, t1: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
-from warpdeform.forces.curve_coefficients import CurveStiffness, Sections, curve_stiffness
+from warpdeform.forces.curve_coefficients import CurveStiffness, Sections, curve_stiffness, segment_lengths
 from warpdeform.forces.curve_frames import MaterialFrames
 from warpdeform.forces.force import BodyArrays, Force, GridArrays
 from warpdeform.grid import Layout, ParameterGrid
@@ -85,13 +85,12 @@ class CurveElasticity(Force):
             return wp.zeros(shape, dtype=real, device=device)
 
         bends = strains > 0
-        self.axial, self.g0 = upload(self.stiffness.axial), scratch(1)
+        self.axial, self.g0 = upload(self.stiffness.axial), upload(segment_lengths(grid, rest) ** 2)
         self.bending = upload(self.stiffness.bending) if bends else scratch(1, False)
         self.stretch = scratch(STRETCH_COMPONENTS)
         self.slopes = scratch(SLOPE_COMPONENTS * strains, bends)
         self.flux = scratch(flux_components(strains))
         self._none = scratch(1, False)
-        self.measure(upload(rest), self.g0, scratch(3, bends))
         self.frames: MaterialFrames | None = None
         if strains == 3:
             shapes = (rest, None) if natural is None else (natural, rest)

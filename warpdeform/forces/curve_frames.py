@@ -8,7 +8,14 @@ import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
 from warpdeform.body import rotate
-from warpdeform.forces.curve_coefficients import Frames, material_frames, normal_part, transported, unit_tangents
+from warpdeform.forces.curve_coefficients import (
+    Frames,
+    material_frames,
+    material_strains,
+    normal_part,
+    transported,
+    unit_tangents,
+)
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.kernels.curve import SPIN_COMPONENTS
 from warpdeform.kernels.curve_angles import CHAIN_COMPONENTS, JOINT_COMPONENTS
@@ -73,14 +80,12 @@ class MaterialFrames:
         self._angle, self._trial_angle = zeros(1), zeros(1)
         # At the iterate.
         self.spins, self._chain, self.turn = zeros(SPIN_COMPONENTS), zeros(CHAIN_COMPONENTS), zeros(1)
-        self.natural = zeros(3)
+        self._start = material_frames(grid, shape, director)
+        strains = material_strains(grid, shape, self._start)
+        self.natural: wp.array = wp.array(layout.pack(strains), dtype=real, device=device)
         kept = [*vars(self).values(), *self._newton]
         self._arrays = [array for array in kept if isinstance(array, wp.array) and array is not weights]
-        self._start = material_frames(grid, shape, director)
         self.hold(np.zeros(self._start.tangents.shape[:2], dtype=bool))
-        self.reset()
-        self._measure(wp.array(layout.pack(shape), dtype=real, device=device), self._angle)
-        self._launch("measure_strains", self._loop, self.lever, self._angle, self.natural)
         self._rest = self._start if rest is None else self._start.carried(grid, rest)
         self.place(shape if rest is None else rest)
 
