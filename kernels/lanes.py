@@ -18,7 +18,7 @@ from typing import Any
 import warp as wp
 
 WORDS = frozenset(
-    "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 read1 read3 write3 splat mul div root at_least larger exceeds sum_lanes "
+    "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 read1 read3 read6 write3 splat mul div root at_least larger exceeds sum_lanes "
     "max_lanes dot3 cross3 normal3 scale scale6 vector outer symmetric isotropic apply6 inverse6".split()
 )
 NATIVE = {wp.float32: "float", wp.float64: "double"}
@@ -81,7 +81,7 @@ def _scalar_words(real: Any) -> SimpleNamespace:
     L = real
     V = wp.types.vector(3, real)
     S = wp.types.vector(6, real)
-    D = wp.types.vector(3, wp.float64)
+    D, D6 = wp.types.vector(3, wp.float64), wp.types.vector(6, wp.float64)
 
     @wp.func
     def load1(a: wp.array3d(dtype=real), c: int, i: int, j: int):
@@ -127,6 +127,13 @@ def _scalar_words(real: Any) -> SimpleNamespace:
     @wp.func
     def read3(a: wp.array3d(dtype=real), c: int, i: int, j: int):
         return D(wp.float64(a[c, i, j]), wp.float64(a[c + 1, i, j]), wp.float64(a[c + 2, i, j]))
+
+    @wp.func
+    def read6(a: wp.array3d(dtype=real), c: int, i: int, j: int):
+        return D6(
+            wp.float64(a[c, i, j]), wp.float64(a[c + 1, i, j]), wp.float64(a[c + 2, i, j]),
+            wp.float64(a[c + 3, i, j]), wp.float64(a[c + 4, i, j]), wp.float64(a[c + 5, i, j]),
+        )  # fmt: skip
 
     @wp.func
     def write3(a: wp.array3d(dtype=real), c: int, i: int, j: int, v: D):
@@ -283,12 +290,16 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
         start = f"const {rn}* row = &wp::index(a, c0 + {k}, i, 0); const int* column = &wp::index(columns, t, j);"
         return f"{{ {start} {each} r.{member}[k] = row[column[k]]; }} "
 
-    double_lanes, double_rows = f"wp::vec_t<{width}, double>", f"wp::mat_t<3, {width}, double>"
     dv = f"double __attribute__((vector_size({8 * width}), aligned(8), may_alias))"
 
     def as_double(target: str, lanes_of: str) -> str:
         """Code that converts a vector of lanes into double precision, in memory."""
-        return f"{{ typedef {dv} dv; *(dv*)&{target} = __builtin_convertvector({lanes_of}, dv); }}"
+        return f"{{ typedef {dv} dv; *(dv*)&{target} = __builtin_convertvector({lanes_of}, dv); }} "
+
+    def read_rows(n: int) -> str:
+        """Code that loads n components as doubles."""
+        rows = "".join(as_double(f"r.data[{k}][0]", place(k)) for k in range(n))
+        return f"{lane_vector}wp::mat_t<{n}, {width}, double> r; {rows}return r;"
 
     def as_real(source: str) -> str:
         """The lanes of a vector of doubles in memory as an expression."""
@@ -325,13 +336,14 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
     @wp.func_native(store(6))
     def store6(a: wp.array3d(dtype=real), c0: int, i: int, j: int, v: S): ...
 
-    @wp.func_native(f"{lane_vector}{double_lanes} r; {as_double('r.c[0]', place(0))} return r;")
+    @wp.func_native(f"{lane_vector}wp::vec_t<{width}, double> r; {as_double('r.c[0]', place(0))}return r;")
     def read1(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> wp.types.vector(width, wp.float64): ...
 
-    @wp.func_native(
-        f"{lane_vector}{double_rows} r; " + "".join(as_double(f"r.data[{k}][0]", place(k)) for k in range(3)) + "return r;"
-    )
+    @wp.func_native(read_rows(3))
     def read3(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> wp.types.matrix((3, width), wp.float64): ...
+
+    @wp.func_native(read_rows(6))
+    def read6(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> wp.types.matrix((6, width), wp.float64): ...
 
     @wp.func_native(f"{lane_vector}typedef {dv} dv; " + "".join(f"{place(k)} = {as_real(f'v.data[{k}][0]')}; " for k in range(3)))
     def write3(

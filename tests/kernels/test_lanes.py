@@ -21,7 +21,7 @@ WIDE = [(real, width) for real in REALS for width in WIDTHS[real]]
 OUTPUTS = {
     "mul": 1, "div": 1, "root": 1, "at_least": 1, "splat": 1, "along_u": 1, "dot3": 1, "cross3": 3, "scale": 3,
     "neighbour": 3, "outer": 6, "symmetric": 6, "isotropic": 6, "scale6": 6, "apply6": 3, "inverse6": 6,
-    "larger": 1, "exceeds": 1, "normal3": 3, "read1": 1, "read3": 3,
+    "larger": 1, "exceeds": 1, "normal3": 3, "read1": 1, "read3": 3, "read6": 6,
 }  # fmt: skip
 """Words in the order in which the kernel stores their results, with their components."""
 
@@ -44,7 +44,8 @@ def words_kernel(width: int, real: Any) -> Any:
     larger, exceeds, normal3 = words.larger, words.exceeds, words.normal3
     add1, add3, add6 = words.add1, words.add3, words.add6
 
-    read1, read3, write3, vector64 = words.read1, words.read3, words.write3, lanes(width, wp.float64).vector
+    read1, read3, read6, write3 = words.read1, words.read3, words.read6, words.write3
+    vector64 = lanes(width, wp.float64).vector
 
     @wp.kernel(module=kernel_module("words", width, real))
     def use_words(
@@ -82,6 +83,9 @@ def words_kernel(width: int, real: Any) -> Any:
         once = read1(a, 9, i, j)
         write3(out, 54, i, j, vector64(once, once, once))
         write3(out, 55, i, j, read3(a, 3, i, j))
+        wide = read6(a, 11, i, j)
+        write3(out, 58, i, j, vector64(wide[0], wide[1], wide[2]))
+        write3(out, 61, i, j, vector64(wide[3], wide[4], wide[5]))
         add1(added_out, 0, i, j, s)
         add3(added_out, 1, i, j, v)
         add6(added_out, 4, i, j, block)
@@ -156,7 +160,7 @@ def test_words_are_what_they_say(real: Any, width: int) -> None:
         "isotropic": s[..., None] * [1, 1, 1, 0, 0, 0], "scale6": s[..., None] * block,
         "apply6": np.einsum("...ab,...b->...a", matrix, v), "inverse6": blocks(inverse),
         "larger": np.maximum(s, t), "exceeds": s > 0.25, "normal3": result.words["normal3"],
-        "read1": s, "read3": w,
+        "read1": s, "read3": w, "read6": block,
     }  # fmt: skip
     epsilon = np.finfo(wp.dtype_to_numpy(real)).eps
     assert set(expected) == set(OUTPUTS)

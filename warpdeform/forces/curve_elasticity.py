@@ -43,7 +43,7 @@ class CurveElasticity(Force):
     Attributes:
         stiffness: Weights of the strains.
         frames: The material frames; None without.
-        unknowns: Unknowns per node of the direct solve.
+        angled: The direct solve has the angles as unknowns.
 
     Raises:
         InputError: Shape, material, sections or directors that do not fit together.
@@ -95,14 +95,14 @@ class CurveElasticity(Force):
         if strains == 3:
             shapes = (rest, None) if natural is None else (natural, rest)
             self.frames = MaterialFrames(grid, layout, self.bending, self._floor, real, device, *shapes, director)
-        self.unknowns = 4 if self.frames else 3
+        self.angled = self.frames is not None
 
     @property
     def kernels(self) -> tuple[str, ...]:
         """Names of the kernels that a step launches."""
         names = ["curve.product", "curve.gather", "curve_blocks.block_nodes", "curve_blocks.band_nodes"]
         if self.frames:
-            return (*names, *self.frames.kernels)
+            return (*names, "curve_blocks.band_angles", *self.frames.kernels)
         return ("curve.stress", "curve.energy", *names)
 
     def bytes(self) -> int:
@@ -152,11 +152,13 @@ class CurveElasticity(Force):
         kernel = curve_blocks(self._lane_width, self._real, self._strains).block_nodes
         self._launch(kernel, self._loop, self.stretch, self.slopes, blocks)
 
-    def add_band(self, body: GridArrays, band: wp.array) -> None:
-        """Add the Hessian, angles and all, to the band of each strand [N/m]."""
-        kernel = curve_blocks(self._lane_width, self._real, self._strains).band_nodes
-        spins, held = (self.frames.spins, self.frames.held) if self.frames else (self._none, self._none)
-        self._launch(kernel, self._loop, self.stretch, self.slopes, spins, held, band)
+    def write_band(self, body: GridArrays, band: wp.array) -> None:
+        """Write the Hessian, angles and all, as the band of each strand [N/m]."""
+        kernels = curve_blocks(self._lane_width, self._real, self._strains)
+        self._launch(kernels.band_nodes, self._loop, self.stretch, self.slopes, body.free, band)
+        if self.frames:
+            angles = (self.frames.spins, self.frames.held)
+            self._launch(kernels.band_angles, self._loop, self.slopes, *angles, body.free, band)
 
     def finish(self, body: BodyArrays) -> None:
         """The frames of the accepted step are what the next one starts from."""

@@ -59,7 +59,7 @@ class GridTerm(Protocol):
     """What the linear solver asks of a term that couples nodes, on whatever grid; told in :class:`Force`."""
 
     sample_nodes: int
-    unknowns: int
+    angled: bool
 
     def bytes(self) -> int: ...
 
@@ -71,7 +71,7 @@ class GridTerm(Protocol):
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None: ...
 
-    def add_band(self, body: GridArrays, band: wp.array) -> None: ...
+    def write_band(self, body: GridArrays, band: wp.array) -> None: ...
 
 
 class CoarseTerm(GridTerm, Protocol):
@@ -92,8 +92,8 @@ class Force:
     """True for terms whose Hessian couples nodes; False for node-wise terms, whose Hessian is one block per node."""
     sample_nodes: int = 0
     """Most nodes that one sample of the energy couples: no eigenvalue of D^-1 H is larger (elastic terms)."""
-    unknowns: int = 3
-    """Unknowns per node of the direct solve along strands: the position, and what else the Hessian eliminates."""
+    angled: bool = False
+    """The Hessian has the angles of segments eliminated: the direct solve along strands takes them as unknowns."""
     energy_kind: ClassVar[str] = "field"
     """Where reports book the energy: "elastic", "gravity", "field"; "" where none is stored (friction, wind)."""
 
@@ -140,10 +140,10 @@ class Force:
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian [N/m], shape (6, rows, columns) (elastic terms)."""
 
-    def add_band(self, body: GridArrays, band: wp.array) -> None:
-        """Add the projected Hessian to the band of each strand [N/m] (elastic terms of curves).
+    def write_band(self, body: GridArrays, band: wp.array) -> None:
+        """Write the projected Hessian as the band of each strand [N/m], free nodes only (elastic terms of curves).
 
-        Float64 whatever the precision of the body; laid out as :mod:`warpdeform.kernels.strand` tells.
+        Float64 whatever the precision of the body; laid out as :mod:`warpdeform.kernels.strand_words` tells.
         """
 
     def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:

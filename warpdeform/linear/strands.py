@@ -4,7 +4,9 @@ from typing import Any
 
 import warp as wp
 
-from warpdeform.kernels.strand import band_row, strand
+from warpdeform.kernels.strand import strand
+from warpdeform.kernels.strand_border import border_components, corner_components
+from warpdeform.kernels.strand_words import band_components
 from warpdeform.linear.operator import GridOperator
 
 
@@ -22,44 +24,47 @@ class StrandInverse:
     """
 
     def __init__(self, operator: GridOperator) -> None:
-        body, grid = operator.body, operator.body.layout
+        body, layout = operator.body, operator.body.layout
         self._operator, self._free, self._device = operator, body.free, body.device
-        unknowns = max((term.unknowns for term in operator.terms), default=3)
-        closed = grid.periodic[0]
-        self._nodes, self._loop = grid.nodes[0], grid.nodes[0] if closed else 0
-        self._kernels = strand(body.lane_width, body.real, unknowns, closed)
-        self._dim = grid.lane_dim
+        angled, closed = operator.terms[0].angled, layout.periodic[0]
+        self._nodes = layout.nodes[0]
+        self._kernels = strand(body.lane_width, body.real, angled, closed)
+        self._dim = layout.lane_dim[1]
 
-        def zeros(components: int, real: Any = wp.float64, needed: bool = True) -> wp.array:
-            shape = (components, grid.rows, grid.columns) if needed else (1, 1, 1)
-            return wp.zeros(shape, dtype=real, device=self._device)
+        def zeros(components: int, rows: int = layout.rows, real: Any = wp.float64) -> wp.array:
+            return wp.zeros((components, rows, layout.columns), dtype=real, device=self._device)
 
-        self._band, self._work = zeros(band_row(unknowns, unknowns)), zeros(unknowns)
-        self._border = zeros(2 * unknowns**2, needed=closed)
-        self._blocks = zeros(6, body.real) if operator.blocks is None else operator.blocks
+        self._band, self._work = zeros(band_components(angled)), zeros(4 if angled else 3)
+        self._border = zeros(border_components(angled)) if closed else zeros(1, 1)
+        self._corner = zeros(corner_components(angled), 1) if closed else zeros(1, 1)
+        alone = operator.blocks is not None and len(operator.terms) == 1
+        self._own = None if alone else zeros(6, real=body.real)
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
-        own = self._blocks.capacity if self._operator.blocks is None else 0
-        return int(own + self._band.capacity + self._work.capacity + self._border.capacity)
+        arrays = (self._band, self._work, self._border, self._corner, self._own)
+        return sum(int(array.capacity) for array in arrays if array is not None)
 
     def update(self, unit: wp.array, product: wp.array) -> None:
         """Assemble and factorise; the scratch arrays of :class:`~warpdeform.linear.coarsest.DenseInverse` are left."""
         operator = self._operator
-        if operator.blocks is None:
-            operator.start_blocks(self._blocks)
-        self._band.zero_()
-        for term in operator.terms:
-            term.add_band(operator.body, self._band)
-        self._launch("enter_nodes", self._dim, self._loop, self._free, self._blocks, self._band)
-        if self._loop:
-            self._border.zero_()
-        self._launch("factorise", self._dim[1], self._nodes, self._band, self._border)
+        operator.terms[0].write_band(operator.body, self._band)
+        blocks = operator.blocks
+        if self._own is not None:
+            # What acts on single nodes: mass, and the diagonal of whatever else couples nodes.
+            blocks = self._own
+            if operator.blocks is None:
+                operator.start_blocks(blocks)
+            else:
+                wp.copy(blocks, operator.blocks)
+            for term in operator.terms[1:]:
+                term.add_block_diagonal(operator.body, blocks)
+        self._launch("factorise", self._free, blocks, self._band, self._border, self._corner)
 
     def apply(self, residual: wp.array, solution: wp.array) -> None:
         """solution = A^-1 residual on the free nodes; arrays of shape (3, rows, columns)."""
-        arrays = (self._band, self._border, residual, self._work, solution)
-        self._launch("solve", self._dim[1], self._nodes, *arrays)
+        self._launch("solve", self._band, self._border, self._corner, residual, self._work, solution)
 
-    def _launch(self, name: str, dim: Any, *inputs: Any) -> None:
-        wp.launch(getattr(self._kernels, name), dim=dim, inputs=inputs, device=self._device)
+    def _launch(self, name: str, *inputs: Any) -> None:
+        kernel = getattr(self._kernels, name)
+        wp.launch(kernel, dim=self._dim, inputs=[self._nodes, *inputs], device=self._device)
