@@ -24,12 +24,13 @@ PIVOT = {"float32": 1.0e-5, "float64": 1.0e-12}
 
 @functools.cache
 def angle_system(width: int, real: Any) -> SimpleNamespace:
-    """Device functions ``store_matrix``, ``store_moments``, ``moment``, ``factorise`` and ``solve`` for one lane width and precision."""
+    """Device functions ``store_matrix``, ``store_moments``, ``moment``, ``factorise``,
+    ``make_definite`` and ``solve`` for one lane width and precision."""
     words, shape = lanes(width, real), curve_geometry(width, real)
     L = words.L
     load1, store1, mul, div, splat = words.load1, words.store1, words.mul, words.div, words.splat
-    exceeds, at_least, row_after = words.exceeds, words.at_least, shape.row_after
-    zero, one, pivot, tiny = real(0.0), real(1.0), real(PIVOT[real.__name__]), real(1.0e-30)
+    exceeds, larger, at_least, row_after = words.exceeds, words.larger, words.at_least, shape.row_after
+    zero, half, one, pivot, tiny = real(0.0), real(0.5), real(1.0), real(PIVOT[real.__name__]), real(1.0e-30)
 
     @wp.func
     def store_matrix(joint: wp.array3d(dtype=real), k: int, j: int, bending: L, twist: L):
@@ -49,7 +50,7 @@ def angle_system(width: int, real: Any) -> SimpleNamespace:
     @wp.func
     def inverse_pivot(diagonal: L, less: L):
         d = diagonal - less
-        return div(exceeds(d - pivot * diagonal, zero), at_least(d, tiny))
+        return div(exceeds(d - pivot * diagonal, zero), at_least(d, tiny)), exceeds(d + pivot * diagonal + splat(tiny), zero)
 
     @wp.func
     def factorise(
@@ -60,12 +61,15 @@ def angle_system(width: int, real: Any) -> SimpleNamespace:
         j: int,
         chain: wp.array3d(dtype=real),
     ):
+        """Returns 1 where the matrix is positive, or at least not negative, in any direction; else 0."""
+        definite = splat(one)
         free = free_of(held, 1, j)
         column = mul(mul(free, free_of(held, last, j)), load1(joint, 1, 1, j))
         factor, coupling, corner = splat(zero), splat(zero), splat(zero)
         for i in range(1, last):
             diagonal = load1(joint, 0, i, j) + load1(joint, 0, i + 1, j)
-            inverse = inverse_pivot(diagonal, mul(factor, coupling))
+            inverse, positive = inverse_pivot(diagonal, mul(factor, coupling))
+            definite = mul(definite, positive)
             following = free_of(held, i + 1, j)
             coupling = mul(mul(free, following), load1(joint, 1, i + 1, j))
             if i == last - 1:
@@ -79,8 +83,20 @@ def angle_system(width: int, real: Any) -> SimpleNamespace:
             column = splat(zero) - mul(factor, column)
             free = following
         diagonal = load1(joint, 0, last, j) + load1(joint, 0, row_after(last, loop), j)
-        store1(chain, 0, last, j, inverse_pivot(diagonal, corner))
+        inverse, positive = inverse_pivot(diagonal, corner)
+        store1(chain, 0, last, j, inverse)
         store1(chain, 1, last, j, splat(zero))
+        return mul(definite, positive)
+
+    @wp.func
+    def make_definite(joint: wp.array3d(dtype=real), definite: L, last: int, j: int):
+        """Turns the sign of what bending adds where it is negative, in the strands that are not definite."""
+        for k in range(1, last + 1):
+            aa, ab = load1(joint, 0, k, j), load1(joint, 1, k, j)
+            bending = half * (aa + ab)
+            more = mul(splat(one) - definite, larger(bending, splat(zero) - bending) - bending)
+            store1(joint, 0, k, j, aa + more)
+            store1(joint, 1, k, j, ab + more)
 
     @wp.func
     def moment(joint: wp.array3d(dtype=real), held: wp.array3d(dtype=real), i: int, following: int, j: int):
@@ -113,5 +129,10 @@ def angle_system(width: int, real: Any) -> SimpleNamespace:
             store1(turn, 0, i, j, x)
 
     return SimpleNamespace(
-        store_matrix=store_matrix, store_moments=store_moments, moment=moment, factorise=factorise, solve=solve
+        store_matrix=store_matrix,
+        store_moments=store_moments,
+        moment=moment,
+        factorise=factorise,
+        make_definite=make_definite,
+        solve=solve,
     )

@@ -71,7 +71,7 @@ def curve_frame(width: int, real: Any) -> SimpleNamespace:
     without_fold = shape.without_fold
     cos_sin, angle_of = turns.cos_sin, turns.angle_of
     store_matrix, store_moments, moment = system.store_matrix, system.store_moments, system.moment
-    factorise, solve = system.factorise, system.solve
+    factorise, make_definite, solve = system.factorise, system.make_definite, system.solve
     zero, half, quarter, one = real(0.0), real(0.5), real(0.25), real(1.0)
     settled, round_off = real(SETTLED[real.__name__] ** 2), real(ROUND_OFF[real.__name__])
     module = kernel_module("curve_frame", width, real)
@@ -185,12 +185,17 @@ def curve_frame(width: int, real: Any) -> SimpleNamespace:
                 bending = mul(mul(w1, w1), mul(k2, k2)) + mul(mul(w2, w2), mul(k1, k1))
                 twist = mul(w3, w3)
                 stiffness = stiffness + (bending + twist)
-                # Of a section that bends alike in every direction they cancel, and round-off must not hold it.
-                steep = bending - round_off * bending - mul(m1, k1) - mul(m2, k2)
-                store_matrix(joint, k, j, quarter * at_least(steep, zero), twist)
+                # They cancel in a section that bends alike in every direction: no round-off is to hold the strand.
+                steep, lost = bending - mul(m1, k1) - mul(m2, k2), round_off * bending
+                steep = at_least(steep - lost, zero) - at_least(splat(zero) - steep - lost, zero)
+                store_matrix(joint, k, j, quarter * steep, twist)
                 store_moments(joint, k, j, half * (mul(m1, k2) - mul(m2, k1)), m3)
                 angle_a = angle_b
-            factorise(joint, held, last, loop, j, chain)
+            definite = factorise(joint, held, last, loop, j, chain)
+            if max_lanes(splat(one) - definite) > zero:
+                # Downhill where the energy is concave.
+                make_definite(joint, definite, last, j)
+                factorise(joint, held, last, loop, j, chain)
             solve(joint, held, chain, last, loop, j, step)
             back = exceeds(energy_now - least - round_off * least, zero)
             if iteration == 0:
@@ -204,7 +209,9 @@ def curve_frame(width: int, real: Any) -> SimpleNamespace:
             # A turn by more than a radian would leave what the derivatives know.
             forth = div(splat(one) - back, root(splat(one) + most))
             for i in range(1, last + 1):
-                newton, half_back = mul(forth, load1(step, 0, i, j)), half * mul(back, load1(move, 0, i, j))
+                newton, half_back = mul(forth, load1(step, 0, i, j)), splat(zero)
+                if iteration > 0:
+                    half_back = half * mul(back, load1(move, 0, i, j))
                 store1(move, 0, i, j, newton + half_back)
                 store1(angle_out, 0, i, j, load1(angle_out, 0, i, j) + mul(moving, newton - half_back))
             moving = exceeds(mul(moving, gain - settled * stiffness), zero)

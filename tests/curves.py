@@ -137,12 +137,19 @@ class Curve:
     def download(self, array: wp.array) -> Array:
         return self.layout.unpack(array.numpy())
 
-    def poisoned(self, values: Array) -> wp.array:
-        """The values at the nodes, not a number in the halo, which nobody may read."""
-        packed = self.layout.pack(values)
-        packed[:, [0, -1]] = np.nan
-        packed[..., : self.layout.halo] = packed[..., -self.layout.halo :] = np.nan
-        return wp.array(packed, dtype=self.real, device="cpu")
+    def poison(self) -> None:
+        """Not a number in everything that a linearisation writes: what is read before it was written shows."""
+        force, frames = self.force, self.force.frames
+        arrays = [force.stretch, force.flux] + ([force.slopes] if force.stiffness.strains else [])
+        if frames is not None:
+            arrays += [frames._u, frames.lever, frames._joint, *frames._newton, frames._trial_angle]
+            arrays += [frames.spins, frames._chain, frames.turn]
+        # Where an open curve has no segment any more everything is zero and stays so.
+        inside = self.layout.pack(np.ones((self.nodes[0] - (not self.closed), self.nodes[1])))[0] > 0
+        for array in arrays:
+            values = array.numpy().copy()
+            values[:, inside] = np.nan
+            array.assign(values)
 
     def energy(self, z: Array) -> float:
         partials = wp.zeros((self.layout.rows, self.layout.columns), dtype=wp.float64, device="cpu")
@@ -150,6 +157,7 @@ class Curve:
         return float(partials.numpy().sum())
 
     def linearise(self, z: Array) -> None:
+        self.poison()
         self._position = self.upload(z)
         self.force.linearise(None, self._position)
 
@@ -170,6 +178,11 @@ class Curve:
         out = self.upload(np.zeros((*self.nodes, 6)))
         self.force.add_block_diagonal(None, out)
         return self.download(out)[..., [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(*self.nodes, 3, 3)
+
+    def hessian(self) -> Array:
+        """The Hessian at the last linearised state, dense, shape (3 n strands, 3 n strands)."""
+        columns = [self.product(p.reshape(*self.nodes, 3)).ravel() for p in np.eye(3 * np.prod(self.nodes))]
+        return np.array(columns).T
 
     def design(self) -> "DesignEnergy":
         """The oracle for the same curve, its frames as they start."""
@@ -201,7 +214,6 @@ class DesignEnergy:
 
     def __init__(self, curve: Curve, frames: tuple[Array, Array] | None) -> None:
         self.closed, self.rest, self.frames = curve.closed, curve.rest, frames
-        self.floor = curve.force.stiffness.floor
         stiffness = curve.force.stiffness
         self.axial, self.weights = stiffness.axial**2, stiffness.bending**2
         if frames is not None:
@@ -276,6 +288,40 @@ class DesignEnergy:
         if angle is not None:
             angle = angle + 1j * h * (0.0 if turn is None else turn)
         return float(self.energy(z + 1j * h * p, angle).imag / h)
+
+    def weighted(self, z: Array, angle: Array | None) -> Array:
+        """All strains as numbers whose squares are twice their energies; kb without what turns it lengthwise."""
+        g, g0 = (dot(e, e) for e in (self.edges(z), self.edges(self.rest)))
+        numbers = [np.sqrt(self.axial) * (g - g0) / 2]
+        if self.weights.shape[-1] == 1:
+            e = self.edges(z.real)
+            a, b = self.pairs(e / length(e)[..., None])
+            tangent = (a + b) / length(a + b)[..., None]
+            kb = self.binormal(z)
+            numbers.append(np.sqrt(self.inner(self.weights)) * (kb - dot(kb, tangent)[..., None] * tangent))
+        if self.weights.shape[-1] == 3:
+            numbers.append(np.sqrt(self.inner(self.weights)) * (self.strains(z, angle) - self.natural))
+        return np.concatenate([x.ravel() for x in numbers])
+
+    def projected_hessian(self, z: Array, angle: Array | None, held: Array | None = None) -> Array:
+        """Gauss-Newton's Hessian of positions and angles with the free angles eliminated, and clipped tensions."""
+        h = 1e-30
+        J = np.array([self.weighted(z + 1j * h * p.reshape(z.shape), angle).imag / h for p in np.eye(z.size)])
+        H = J @ J.T
+        if angle is not None:
+            free = np.flatnonzero(~held.ravel() if held is not None else np.ones(angle.size, dtype=bool))
+            turns = np.eye(angle.size)[free].reshape(-1, *angle.shape)
+            K = np.array([self.weighted(z + 0j, angle + 1j * h * turn).imag / h for turn in turns])
+            if len(K):
+                H = H - (J @ K.T) @ np.linalg.pinv(K @ K.T, rcond=1e-11) @ (J @ K.T).T
+        g, g0 = (dot(e, e) for e in (self.edges(z), self.edges(self.rest)))
+        tension = np.maximum(self.axial * (g - g0) / 2, 0)
+        index = np.arange(z.size).reshape(z.shape)
+        for i, strand in np.ndindex(tension.shape):
+            ends = index[[i, (i + 1) % len(z)], strand]
+            for c in range(3):
+                H[np.ix_(ends[:, c], ends[:, c])] += tension[i, strand] * np.array([[1, -1], [-1, 1]])
+        return H
 
     def gradient(self, z: Array, angle: Array | None) -> Array:
         return np.array([self.slope(z, p.reshape(z.shape), angle) for p in np.eye(z.size)]).reshape(z.shape)
