@@ -338,7 +338,7 @@ class FakeModel:
         self.lane_width, self.device = curve.layout.lane_width, wp.get_device("cpu")
         self.node_mass, self.initial_positions = mass, curve.rest if positions is None else positions
         self.lengths = (spacing(curve.rest), 1.0)
-        self.spacing = float(np.linalg.norm(curve_edges(curve), axis=-1).min())
+        self.spacing = float(segment_lengths(curve).min())
         self.has_pins = bool(pinned.any())
         self.mass, self.area = curve.upload(mass), curve.upload(np.zeros(curve.nodes))
         self.free = curve.upload(~pinned)
@@ -356,6 +356,7 @@ class FakeModel:
         """Pins stay where they are."""
 
 
-def curve_edges(curve: Curve) -> Array:
-    rest = curve.rest
-    return np.diff(np.concatenate([rest, rest[:1]]) if curve.closed else rest, axis=0)
+def segment_lengths(curve: Curve) -> Array:
+    """Rest lengths of the segments, shape (segments, strands)."""
+    rest = np.concatenate([curve.rest, curve.rest[:1]]) if curve.closed else curve.rest
+    return np.asarray(np.linalg.norm(np.diff(rest, axis=0), axis=-1))
