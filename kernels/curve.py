@@ -11,11 +11,11 @@ Bending, per node with edges a, b and l the mean of their rest lengths: the curv
 
     kb = 2 a x b / (|a||b| + a.b),   |kb| = 2 tan(phi/2),   energy (EI/2l)|kb|^2
 
-of a section that bends alike in every direction and is straight at rest. Its Gauss-Newton Hessian would count the
-turning of kb as a strain. What the exact Hessian has of it, but for a negative part, are the derivatives of kb along the
-two directions normal to a/|a| + b/|b|: two strains, w = R d(kb.n)/dr, R^2 = EI / l. Sections that do not bend alike, and
-curves that are not straight at rest, need a material frame (:mod:`warpdeform.kernels.curve_frame`): three strains, two
-curvatures and the twist, with the same products.
+of a section that bends alike in every direction and of a curve that is straight at rest. Gauss-Newton on all of kb
+would count as strain that kb turns. The exact Hessian has of this, but for a negative part, the derivatives of kb along
+the two directions n normal to a/|a| + b/|b|: two strains, w = R d(kb.n)/dr, R^2 = EI / l. Sections that do not bend
+alike, and curves that are not straight at rest, need a material frame (:mod:`warpdeform.kernels.curve_frame`): three
+strains, two curvatures and the twist, with the same products.
 
 Neglected: the rotational inertia of the section, which matters where waves are as short as the section is thick.
 """
@@ -34,9 +34,7 @@ STRETCH_COMPONENTS = 4
 SLOPE_COMPONENTS = 6
 """Linearised strain of a node: w by its edge a, then by its edge b."""
 SPIN_COMPONENTS = 3
-"""Derivatives of the three strains of a node by the angle of its edge b; by that of edge a: the same, and less twist."""
-
-
+"""Derivatives of a node's three strains by the angle of edge b; by that of edge a the same, the twist's negative."""
 FLAT = 1.0e-12
 """Smallest |a/|a| + b/|b||^2 of which a direction is made."""
 

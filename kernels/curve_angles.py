@@ -19,13 +19,12 @@ JOINT_COMPONENTS = 4
 CHAIN_COMPONENTS = 3
 """Factors at a segment: 1 / pivot, coupling with the segment before over its pivot, column of the last segment."""
 PIVOT = {"float32": 1.0e-5, "float64": 1.0e-12}
-"""Pivots below this part of the diagonal are round-off, those of a strand that may spin freely: its last angle stays."""
+"""A pivot below this part of the diagonal is round-off: the strand may spin freely, and its last angle stays."""
 
 
 @functools.cache
 def angle_system(width: int, real: Any) -> SimpleNamespace:
-    """Device functions ``store_matrix``, ``store_moments``, ``moment``, ``factorise``,
-    ``make_definite`` and ``solve`` for one lane width and precision."""
+    """Device functions for one lane width and precision."""
     words, shape = lanes(width, real), curve_geometry(width, real)
     L = words.L
     load1, store1, mul, div, splat = words.load1, words.store1, words.mul, words.div, words.splat
@@ -49,8 +48,9 @@ def angle_system(width: int, real: Any) -> SimpleNamespace:
 
     @wp.func
     def inverse_pivot(diagonal: L, less: L):
-        d = diagonal - less
-        return div(exceeds(d - pivot * diagonal, zero), at_least(d, tiny)), exceeds(d + pivot * diagonal + splat(tiny), zero)
+        """1 / (diagonal - less), 0 where that is not positive; and 1 where it is not negative, else 0."""
+        d, lost = diagonal - less, pivot * diagonal
+        return div(exceeds(d - lost, zero), at_least(d, tiny)), exceeds(d + lost + splat(tiny), zero)
 
     @wp.func
     def factorise(

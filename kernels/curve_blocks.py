@@ -1,9 +1,9 @@
 """Blocks of the projected Hessian of elastic curves: those on the diagonal, and the whole band of a strand.
 
 Compiled only where a preconditioner asks for them. Formulas and coefficients are those of
-:mod:`warpdeform.kernels.curve`; the layout of the band is that of :mod:`warpdeform.kernels.strand_words`. The band is summed
-up in double precision, whatever the precision of the slopes: in single precision what stretches a strand would round
-off what bends it, and the sum of squares would not be positive any more.
+:mod:`warpdeform.kernels.curve`; the band lies as :mod:`warpdeform.kernels.strand_words` tells. It is summed up in
+double precision, whatever the precision of the slopes: in single precision what stretches a strand would round off what
+bends it, and the sum of squares would not be positive any more.
 """
 
 import functools
@@ -30,7 +30,10 @@ from warpdeform.kernels.strand_words import (
 
 @functools.cache
 def curve_blocks(width: int, real: Any, strains: int) -> SimpleNamespace:
-    """Kernels ``block_nodes``, ``band_nodes`` and, with frames, ``band_angles``; arguments as for :func:`warpdeform.kernels.curve.curve`."""
+    """Kernels ``block_nodes``, ``band_nodes`` and, with frames, ``band_angles``.
+
+    Arguments as for :func:`warpdeform.kernels.curve.curve`.
+    """
     words, shape = lanes(width, real), curve_geometry(width, real)
     load1, load3, add6 = words.load1, words.load3, words.add6
     outer_real, isotropic_real = words.outer, words.isotropic
@@ -52,7 +55,11 @@ def curve_blocks(width: int, real: Any, strains: int) -> SimpleNamespace:
         i, j = ii + 1, (group + 1) * width
         before, after = row_before(i, loop), row_after(i, loop)
         w0, w1 = load3(stretch, 0, before, j), load3(stretch, 0, i, j)
-        block = outer_real(w0, w0) + outer_real(w1, w1) + isotropic_real(load1(stretch, 3, before, j) + load1(stretch, 3, i, j))
+        block = (
+            outer_real(w0, w0)
+            + outer_real(w1, w1)
+            + isotropic_real(load1(stretch, 3, before, j) + load1(stretch, 3, i, j))
+        )
         for k in range(strains):
             end, start = load3(slopes, 6 * k + 3, before, j), load3(slopes, 6 * k, after, j)
             middle = load3(slopes, 6 * k, i, j) - load3(slopes, 6 * k + 3, i, j)

@@ -17,10 +17,10 @@ Bergou et al. take the mean of the directors without turning them half way, whic
 would free bending energy, even of a round section, and a sharply bent node would twist by itself. Here turning both
 angles by the same changes kappa alone, and turning them apart the twist alone.
 
-The energies are taken as squares of three weighted strains q, with R^2 = EI_1/l, EI_2/l, GJ/l. The angles are no unknowns of the solver: they
-have the values of least energy wherever energy or forces are asked for, since they carry no inertia. So the gradient by
-the positions is the partial derivative, and where the frames came from does not matter. Segments whose director is held
-have the angle that brings m1 closest to a given direction; the gradient is exact where that is normal to the edge.
+As squares of weighted strains q, R^2 = EI_1/l, EI_2/l, GJ/l. The angles are no unknowns of the solver: they have the
+values of least energy wherever energy or forces are asked for, since they carry no inertia. So the gradient by the
+positions is the partial derivative, and where the frames came from does not matter. Segments whose director is held
+have the angle that brings it closest to a given direction; the gradient is exact where that is normal to the edge.
 
 The Hessian is Gauss-Newton's of positions and angles together, with the angles eliminated (Schur complement). What runs
 along a strand is one thread per lane group that walks the rows.
@@ -72,7 +72,7 @@ def curve_frame(width: int, real: Any) -> SimpleNamespace:
     cos_sin, angle_of = turns.cos_sin, turns.angle_of
     store_matrix, store_moments, moment = system.store_matrix, system.store_moments, system.moment
     factorise, make_definite, solve = system.factorise, system.make_definite, system.solve
-    zero, half, quarter, one = real(0.0), real(0.5), real(0.25), real(1.0)
+    zero, half, quarter, one, tiny = real(0.0), real(0.5), real(0.25), real(1.0), real(1.0e-30)
     settled, round_off = real(SETTLED[real.__name__] ** 2), real(ROUND_OFF[real.__name__])
     module = kernel_module("curve_frame", width, real)
 
@@ -92,9 +92,7 @@ def curve_frame(width: int, real: Any) -> SimpleNamespace:
         return scale(c, ua + ub) + scale(s, va - vb), scale(c, va + vb) - scale(s, ua - ub)
 
     @wp.func
-    def weighted(
-        weights: wp.array3d(dtype=real), natural: wp.array3d(dtype=real), k1: L, k2: L, m: L, k: int, j: int
-    ):
+    def weighted(weights: wp.array3d(dtype=real), natural: wp.array3d(dtype=real), k1: L, k2: L, m: L, k: int, j: int):
         """The strains q of a node."""
         return (
             mul(load1(weights, 0, k, j), k1 - load1(natural, 0, k, j)),
@@ -121,6 +119,7 @@ def curve_frame(width: int, real: Any) -> SimpleNamespace:
         u = transported(load3(director, 0, i, j), load3(tangent, 0, i, j), t)
         store3(u_out, 0, i, j, u)
         h, d = load1(held, 0, i, j), load3(aim, 0, i, j)
+        d = unit3(d - scale(dot3(d, t), t), tiny)
         given = angle_of(dot3(d, u), dot3(d, cross3(t, u)))
         store1(angle_out, 0, i, j, mul(h, given) + mul(splat(one) - h, load1(angle_out, 0, i, j)))
 
@@ -149,6 +148,68 @@ def curve_frame(width: int, real: Any) -> SimpleNamespace:
         store1(lever_out, 1, i, j, dot3(kb, n2))
         store1(lever_out, 2, i, j, turning)
 
+    @wp.func
+    def equations(
+        last: int,
+        loop: int,
+        lever: wp.array3d(dtype=real),
+        weights: wp.array3d(dtype=real),
+        natural: wp.array3d(dtype=real),
+        angle: wp.array3d(dtype=real),
+        joint: wp.array3d(dtype=real),
+        j: int,
+    ):
+        """First and second derivatives of the energy by the angles; returns twice the energy and all stiffness."""
+        twice, stiffness = splat(zero), splat(zero)
+        angle_a = load1(angle, 0, row_before(1, loop), j)
+        for k in range(1, last + 1):
+            angle_b = load1(angle, 0, k, j)
+            k1, k2, m = strains(lever, angle_a, angle_b, k, j)
+            q1, q2, q3 = weighted(weights, natural, k1, k2, m, k, j)
+            w1, w2, w3 = load1(weights, 0, k, j), load1(weights, 1, k, j), load1(weights, 2, k, j)
+            m1, m2, twist = mul(w1, q1), mul(w2, q2), mul(w3, w3)
+            # Half the sum of the angles turns kappa: its first derivative is (kappa_2, -kappa_1), the second -kappa.
+            bending = mul(mul(w1, w1), mul(k2, k2)) + mul(mul(w2, w2), mul(k1, k1))
+            steep, lost = bending - mul(m1, k1) - mul(m2, k2), round_off * bending
+            # Both parts are the same in a section that bends alike in every direction: round-off is not to hold it.
+            steep = at_least(steep - lost, zero) - at_least(splat(zero) - steep - lost, zero)
+            store_matrix(joint, k, j, quarter * steep, twist)
+            store_moments(joint, k, j, half * (mul(m1, k2) - mul(m2, k1)), mul(w3, q3))
+            twice = twice + (mul(q1, q1) + mul(q2, q2) + mul(q3, q3))
+            stiffness = stiffness + (bending + twist)
+            angle_a = angle_b
+        return twice, stiffness
+
+    @wp.func
+    def follow(
+        last: int,
+        loop: int,
+        first: bool,
+        moving: L,
+        back: L,
+        held: wp.array3d(dtype=real),
+        joint: wp.array3d(dtype=real),
+        step: wp.array3d(dtype=real),
+        move: wp.array3d(dtype=real),
+        angle: wp.array3d(dtype=real),
+        j: int,
+    ):
+        """Takes the step, or half of the last move back; returns what the whole step would gain."""
+        most, gain = splat(zero), splat(zero)
+        for i in range(1, last + 1):
+            newton = load1(step, 0, i, j)
+            most = larger(most, mul(newton, newton))
+            gain = gain + mul(newton, moment(joint, held, i, row_after(i, loop), j))
+        # A turn by more than a radian would leave what the derivatives know.
+        forth = div(splat(one) - back, root(splat(one) + most))
+        for i in range(1, last + 1):
+            newton, half_back = mul(forth, load1(step, 0, i, j)), splat(zero)
+            if not first:
+                half_back = half * mul(back, load1(move, 0, i, j))
+            store1(move, 0, i, j, newton + half_back)
+            store1(angle, 0, i, j, load1(angle, 0, i, j) + mul(moving, newton - half_back))
+        return gain
+
     @wp.kernel(module=module)
     def settle_angles(
         last: int,
@@ -170,50 +231,19 @@ def curve_frame(width: int, real: Any) -> SimpleNamespace:
         """
         group = wp.tid()
         j = (group + 1) * width
-        moving, least = splat(one), splat(zero)
+        moving, least, back = splat(one), splat(zero), splat(zero)
         for iteration in range(MOST_SETTLING):
-            energy_now, stiffness = splat(zero), splat(zero)
-            angle_a = load1(angle_out, 0, row_before(1, loop), j)
-            for k in range(1, last + 1):
-                angle_b = load1(angle_out, 0, k, j)
-                k1, k2, m = strains(lever, angle_a, angle_b, k, j)
-                q1, q2, q3 = weighted(weights, natural, k1, k2, m, k, j)
-                energy_now = energy_now + (mul(q1, q1) + mul(q2, q2) + mul(q3, q3))
-                w1, w2, w3 = load1(weights, 0, k, j), load1(weights, 1, k, j), load1(weights, 2, k, j)
-                m1, m2, m3 = mul(w1, q1), mul(w2, q2), mul(w3, q3)
-                # Half the sum of the angles turns kappa: derivatives (kappa_2, -kappa_1), second ones -kappa.
-                bending = mul(mul(w1, w1), mul(k2, k2)) + mul(mul(w2, w2), mul(k1, k1))
-                twist = mul(w3, w3)
-                stiffness = stiffness + (bending + twist)
-                # They cancel in a section that bends alike in every direction: no round-off is to hold the strand.
-                steep, lost = bending - mul(m1, k1) - mul(m2, k2), round_off * bending
-                steep = at_least(steep - lost, zero) - at_least(splat(zero) - steep - lost, zero)
-                store_matrix(joint, k, j, quarter * steep, twist)
-                store_moments(joint, k, j, half * (mul(m1, k2) - mul(m2, k1)), m3)
-                angle_a = angle_b
+            twice, stiffness = equations(last, loop, lever, weights, natural, angle_out, joint, j)
+            if iteration > 0:
+                back = exceeds(twice - least - round_off * least, zero)
+            least = mul(back, least) + mul(splat(one) - back, twice)
             definite = factorise(joint, held, last, loop, j, chain)
             if max_lanes(splat(one) - definite) > zero:
                 # Downhill where the energy is concave.
                 make_definite(joint, definite, last, j)
                 factorise(joint, held, last, loop, j, chain)
             solve(joint, held, chain, last, loop, j, step)
-            back = exceeds(energy_now - least - round_off * least, zero)
-            if iteration == 0:
-                back = splat(zero)
-            least = mul(back, least) + mul(splat(one) - back, energy_now)
-            most, gain = splat(zero), splat(zero)
-            for i in range(1, last + 1):
-                newton = load1(step, 0, i, j)
-                most = larger(most, mul(newton, newton))
-                gain = gain + mul(newton, moment(joint, held, i, row_after(i, loop), j))
-            # A turn by more than a radian would leave what the derivatives know.
-            forth = div(splat(one) - back, root(splat(one) + most))
-            for i in range(1, last + 1):
-                newton, half_back = mul(forth, load1(step, 0, i, j)), splat(zero)
-                if iteration > 0:
-                    half_back = half * mul(back, load1(move, 0, i, j))
-                store1(move, 0, i, j, newton + half_back)
-                store1(angle_out, 0, i, j, load1(angle_out, 0, i, j) + mul(moving, newton - half_back))
+            gain = follow(last, loop, iteration == 0, moving, back, held, joint, step, move, angle_out, j)
             moving = exceeds(mul(moving, gain - settled * stiffness), zero)
             if max_lanes(moving) == zero:
                 break

@@ -18,8 +18,9 @@ from typing import Any
 import warp as wp
 
 WORDS = frozenset(
-    "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 read1 read3 read6 write3 splat mul div root at_least larger exceeds sum_lanes "
-    "max_lanes dot3 cross3 normal3 scale scale6 vector outer symmetric isotropic apply6 inverse6".split()
+    "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 read1 read3 read6 write3 splat mul div root at_least "
+    "larger exceeds sum_lanes max_lanes dot3 cross3 normal3 scale scale6 vector outer symmetric isotropic apply6 "
+    "inverse6".split()
 )
 NATIVE = {wp.float32: "float", wp.float64: "double"}
 
@@ -345,10 +346,10 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
     @wp.func_native(read_rows(6))
     def read6(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> wp.types.matrix((6, width), wp.float64): ...
 
-    @wp.func_native(f"{lane_vector}typedef {dv} dv; " + "".join(f"{place(k)} = {as_real(f'v.data[{k}][0]')}; " for k in range(3)))
-    def write3(
-        a: wp.array3d(dtype=real), c0: int, i: int, j: int, v: wp.types.matrix((3, width), wp.float64)
-    ): ...
+    @wp.func_native(
+        f"{lane_vector}typedef {dv} dv; " + "".join(f"{place(k)} = {as_real(f'v.data[{k}][0]')}; " for k in range(3))
+    )
+    def write3(a: wp.array3d(dtype=real), c0: int, i: int, j: int, v: wp.types.matrix((3, width), wp.float64)): ...
 
     @wp.func_native(lane_by_lane("x"))
     def splat(x: real) -> L: ...

@@ -1,9 +1,9 @@
 """The matrix of every strand of a curve, factorised and solved directly: one thread per lane group walks the rows.
 
 A strand's unknowns are the positions x of its nodes and, with material frames, the angles t of the segments that begin
-there, one after the other: x1 t1 x2 t2 ... Each x couples with those of the two nodes before it, so that the matrix A is
-a band. The component array `band` holds its rows (:mod:`warpdeform.kernels.strand_words`), first those of A and then, in
-their place, those of A = L D L'.
+there, one after the other: x1 t1 x2 t2 ... Each x couples with those of the two nodes before it, so the matrix A is a
+band. The component array `band` holds its rows (:mod:`warpdeform.kernels.strand_words`), at first those of A and then,
+in their place, those of A = L D L'.
 
 The last two nodes of a closed curve also couple with the first two. They are the border, eliminated after all others
 (:mod:`warpdeform.kernels.strand_border`).
@@ -50,7 +50,7 @@ def strand(width: int, real: Any, angled: bool, closed: bool) -> SimpleNamespace
     enter_border, eliminate_border = border_of.enter, border_of.eliminate
     forwards_border, backwards_border = border_of.forwards, border_of.backwards
     read1, read3, read6, write3 = words.read1, words.read3, words.read6, words.write3
-    L, V, load1, load3, load6 = double.L, double.V, double.load1, double.load3, double.load6
+    V, load1, load3, load6 = double.V, double.load1, double.load3, double.load6
     store1, store3, store6, splat, vector = double.store1, double.store3, double.store6, double.splat, double.vector
     dot3, scale, scale6, mul, outer = double.dot3, double.scale, double.scale6, double.mul, double.outer
     symmetric = double.symmetric
@@ -108,11 +108,11 @@ def strand(width: int, real: Any, angled: bool, closed: bool) -> SimpleNamespace
         x1 = load3(band, ANGLE_NEAR, i, j)
         t1 = load1(band, ANGLE_ANGLE, i, j) - dot3(load3(band, ANGLE_OWN, i - 1, j), x1)
         x = load3(band, ANGLE_OWN, i, j) - near(band, i, j, x1, t1)
-        l1, l = solve6(load6(band, OWN, i - 1, j), x1), solve6(load6(band, OWN, i, j), x)
-        less = dot3(x1, l1) + mul(e1, mul(t1, t1)) + dot3(x, l)
+        l1, l0 = solve6(load6(band, OWN, i - 1, j), x1), solve6(load6(band, OWN, i, j), x)
+        less = dot3(x1, l1) + mul(e1, mul(t1, t1)) + dot3(x, l0)
         store3(band, ANGLE_NEAR, i, j, l1)
         store1(band, ANGLE_ANGLE, i, j, mul(e1, t1))
-        store3(band, ANGLE_OWN, i, j, l)
+        store3(band, ANGLE_OWN, i, j, l0)
         store1(band, ANGLE, i, j, inverse_pivot(load1(band, ANGLE, i, j), less))
 
     @wp.kernel(module=module)

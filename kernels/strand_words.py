@@ -39,7 +39,9 @@ def band_components(angled: bool) -> int:
 
 @functools.cache
 def strand_words(width: int, angled: bool) -> SimpleNamespace:
-    """Device functions for one lane width, with or without angles; x is a position, t an angle, 1 and 2 nodes before."""
+    """Device functions for one lane width, with or without angles. x1 and t1 belong to the node before, x2 and t2 to
+    the one before that.
+    """
     double = lanes(width, wp.float64)
     L, V, S = double.L, double.V, double.S
     load1, load3, splat, vector = double.load1, double.load3, double.splat, double.vector

@@ -1,8 +1,8 @@
 """Curves for tests: shapes, materials, deformed states, and the discrete energy of design 1.3 written in NumPy.
 
-The oracle knows nothing of the kernels: no weights, no slopes, no elimination of angles. Its energy is the formula of
-the design with the angles as arguments, so that derivatives can be taken by complex steps, which are exact to round-off;
-the angles of least energy are found by SciPy.
+The oracle knows nothing of the kernels: no slopes, no levers, no elimination of angles. Its energy is the formula of
+the design with the angles as arguments, so that derivatives can be taken by complex steps, exact to round-off; the
+angles of least energy are found by SciPy.
 """
 
 from collections.abc import Callable

@@ -1,7 +1,7 @@
 """Frenet's curvature and torsion of a polygon: what geometry sees of a curve, measured on the host.
 
-Torsion is not an energy here. The paper's term in it is undefined wherever a curve is straight, and a rod can be twisted
-without being bent: material twist is what resists (:mod:`warpdeform.kernels.curve_frame`, design 1.3).
+Torsion is not an energy here. The paper's term in it is undefined wherever a curve is straight, and a rod can be
+twisted without being bent: material twist is what resists (:mod:`warpdeform.kernels.curve_frame`, design 1.3).
 """
 
 import numpy as np

@@ -54,7 +54,9 @@ QUANTITIES = {
     "bending_multipliers": Quantity("Use two factors without a unit, for example [1.0, 0.5].", (2,), or_equal=True),
     "linear_density": Quantity("Use kg/m, for example 0.01 for a thread of ten grams a metre."),
     "axial_stiffness": Quantity("Use N (Young's modulus times area), for example 1000."),
-    "torsional_stiffness": Quantity("Use N m2 (shear modulus times torsion constant), for example 1e-4.", or_equal=True),
+    "torsional_stiffness": Quantity(
+        "Use N m2 (shear modulus times torsion constant), for example 1e-4.", or_equal=True
+    ),
     "eta": Quantity("Use N/m (a curve: N), one number or [eta11, eta22, eta12], for example 500.", (1, 3)),
     "xi": Quantity("Use N m (a curve: N m2), one number or [xi11, xi22, xi12], or 0.", (1, 3), or_equal=True),
     "damping": Quantity("Use 1/s, for example 0.1, or 0 for none.", or_equal=True),

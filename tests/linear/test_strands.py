@@ -153,7 +153,9 @@ def test_iterations_do_not_depend_on_length_and_stiffness(kind: str, count: int,
 @pytest.mark.parametrize("real", REALS)
 def test_a_free_strand_and_stiff_contact(real: Any) -> None:
     rest = line(65, 3)
-    curve = Curve(rest, Material(linear_density=0.01, axial_stiffness=1e4, bending_stiffness=1e-3), real, WIDTHS[real][1])
+    curve = Curve(
+        rest, Material(linear_density=0.01, axial_stiffness=1e4, bending_stiffness=1e-3), real, WIDTHS[real][1]
+    )
     for contact in (0.0, 1e2, 1e6):
         system = System(curve, waved(rest), pins=(), contact=contact, tolerance=1e-3, linear_density=0.01)
         assert system.iterations() <= 3

@@ -82,27 +82,31 @@ def curve_stiffness(
     Raises:
         InputError: The rest shape has segments without length or too few nodes, or sections that do not fit.
     """
-    _check_shape(grid, rest, "shape")
+    _check_shape(grid, rest)
+    if natural is not None:
+        _check_natural(natural, rest)
     count = grid.nodes[1]
     if sections is None or isinstance(sections, Section):
         strands = [material.curve(sections)] * count
     else:
         if len(sections) != count:
             remedy = f"Give one section for all strands, or {count}."
-            raise InputError(Mistake("section", len(sections), f"is a list for another number of strands: {count}", remedy))
+            raise InputError(
+                Mistake("section", len(sections), f"is a list for another number of strands: {count}", remedy)
+            )
         strands = [material.curve(section) for section in sections]
     lengths = segment_lengths(grid, rest)
     share = node_lengths(grid, lengths)
     stretching, bending = np.zeros_like(lengths), np.zeros((*grid.nodes, 3))
     h = grid.spacing[0]
     for strand, law in enumerate(strands):
-        l0, l = lengths[:, strand], share[:, strand, None]
+        segments, nodes = lengths[:, strand], share[:, strand, None]
         if isinstance(law, PaperCurveWeights):
             # The paper's tensors are those of the parametrisation: eta/4 (G - G0)^2, G = |b|^2 / h^2, per h.
             stretching[:, strand], bending[:, strand] = 2.0 * law.eta / h**3, law.xi / h
         else:
-            stretching[:, strand] = law.axial / l0**3
-            bending[:, strand] = np.array([*law.bending, law.torsion]) / l
+            stretching[:, strand] = law.axial / segments**3
+            bending[:, strand] = np.array([*law.bending, law.torsion]) / nodes
     if not grid.periodic[0]:
         bending[[0, -1]] = 0.0
     if not np.any(bending[..., :2]):
@@ -222,7 +226,13 @@ def normal_part(d: Array, t: Array) -> Array:
     return np.asarray(across / size)
 
 
-def _check_shape(grid: ParameterGrid, rest: Array, key: str) -> None:
+def _check_natural(natural: Array, rest: Array) -> None:
+    if natural.shape != rest.shape or not np.isfinite(natural).all():
+        problem = "has another shape than the rest positions, or is not finite"
+        raise InputError(Mistake("natural", natural.shape, problem, f"Give finite positions of shape {rest.shape}."))
+
+
+def _check_shape(grid: ParameterGrid, rest: Array) -> None:
     fewest = FEWEST_CLOSED if grid.periodic[0] else 2
     if grid.nodes[0] < fewest:
         kind = "closed curve" if grid.periodic[0] else "curve"
@@ -231,4 +241,4 @@ def _check_shape(grid: ParameterGrid, rest: Array, key: str) -> None:
     if np.any(lengths <= 1e-9 * np.max(lengths)):
         i, strand = (int(k) for k in np.argwhere(lengths <= 1e-9 * np.max(lengths))[0])
         problem, remedy = "has a segment without length", "Give a rest shape whose nodes lie apart."
-        raise InputError(Mistake(key, [i, strand], problem, remedy))
+        raise InputError(Mistake("shape", [i, strand], problem, remedy))

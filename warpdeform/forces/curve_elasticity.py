@@ -93,8 +93,8 @@ class CurveElasticity(Force):
         self._none = scratch(1, False)
         self.frames: MaterialFrames | None = None
         if strains == 3:
-            shapes = (rest, None) if natural is None else (natural, rest)
-            self.frames = MaterialFrames(grid, layout, self.bending, self._floor, real, device, *shapes, director)
+            shape, start = (rest, None) if natural is None else (natural, rest)
+            self.frames = MaterialFrames(grid, layout, self.bending, self._floor, real, device, shape, start, director)
         self.angled = self.frames is not None
 
     @property

@@ -108,8 +108,8 @@ class MaterialFrames:
                 not tell of a straight strand.
         """
         tangents = unit_tangents(self._grid, positions)
-        turned = (rotate(rotation, values) for values in (self._rest.directors, self._rest.tangents))
-        self._start = Frames(tangents, normal_part(transported(*turned, tangents), tangents))
+        directors, before = rotate(rotation, self._rest.directors), rotate(rotation, self._rest.tangents)
+        self._start = Frames(tangents, normal_part(transported(directors, before, tangents), tangents))
         self.reset()
 
     def hold(self, segments: NDArray[np.bool_], directors: Array | None = None) -> None:
