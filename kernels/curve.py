@@ -59,14 +59,14 @@ def curve(width: int, real: Any, strains: int) -> SimpleNamespace:
         strains: 0 without bending, 2 for round sections that are straight at rest, 3 with a material frame.
 
     Returns:
-        Kernels ``product``, ``gather`` and ``measure``; without a frame also ``stress`` and ``energy``.
+        Kernels ``product``, ``gather``, ``wrap_flux`` and ``measure``; without a frame also ``stress`` and ``energy``.
     """
     words, shape = lanes(width, real), curve_geometry(width, real)
     V = words.V
     load1, load3, store1, store3 = words.load1, words.load3, words.store1, words.store3
     add3, sum_lanes = words.add3, words.sum_lanes
     dot3, cross3, normal3, scale, mul = words.dot3, words.cross3, words.normal3, words.scale, words.mul
-    row_before, row_after, edges = shape.row_before, shape.row_after, shape.edges
+    row_before, edges = shape.row_before, shape.edges
     length, unit3, spread = shape.length, shape.unit3, shape.spread
     binormal, binormal_slopes, store_stretch = shape.binormal, shape.binormal_slopes, shape.store_stretch
     half, flat = real(0.5), real(FLAT)
@@ -138,15 +138,27 @@ def curve(width: int, real: Any, strains: int) -> SimpleNamespace:
             store3(flux_out, 3, i, j, fa)
         store3(flux_out, 0, i, j, fb)
 
+    @wp.func
+    def gathered(flux: wp.array3d(dtype=real), i: int, j: int):
+        """Force on a node: it ends the edge before it and begins the one behind it."""
+        f = load3(flux, 0, i - 1, j) - load3(flux, 0, i, j)
+        if wp.static(strains > 0):
+            f = f + (load3(flux, 3, i, j) - load3(flux, 3, i + 1, j))
+        return f
+
     @wp.kernel(module=module)
-    def gather(loop: int, flux: wp.array3d(dtype=real), force_out: wp.array3d(dtype=real)):
-        """A node ends the edges before it and begins those behind it."""
+    def gather(flux: wp.array3d(dtype=real), force_out: wp.array3d(dtype=real)):
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        f = load3(flux, 0, row_before(i, loop), j) - load3(flux, 0, i, j)
-        if wp.static(strains > 0):
-            f = f + (load3(flux, 3, i, j) - load3(flux, 3, row_after(i, loop), j))
-        add3(force_out, 0, i, j, f)
+        add3(force_out, 0, i, j, gathered(flux, i, j))
+
+    @wp.kernel(module=module)
+    def wrap_flux(nodes: int, flux_out: wp.array3d(dtype=real)):
+        """The flux beside a closed curve is that at its other end."""
+        j = (wp.tid() + 1) * width
+        for c in range(flux_out.shape[0]):
+            store1(flux_out, c, 0, j, load1(flux_out, c, nodes, j))
+            store1(flux_out, c, nodes + 1, j, load1(flux_out, c, 1, j))
 
     @wp.kernel(module=module)
     def energy(
@@ -185,7 +197,7 @@ def curve(width: int, real: Any, strains: int) -> SimpleNamespace:
         if wp.static(strains > 0):
             store3(binormal_out, 0, i, j, binormal(a, b, spread(a, b, length(a, floor), length(b, floor))))
 
-    kernels = {"product": product, "gather": gather, "measure": measure}
+    kernels = {"product": product, "gather": gather, "wrap_flux": wrap_flux, "measure": measure}
     if strains < 3:
         kernels |= {"stress": stress, "energy": energy}
     return SimpleNamespace(module=module, **kernels)

@@ -9,8 +9,7 @@ The last two nodes of a closed curve also couple with the first two. They are th
 (:mod:`warpdeform.kernels.strand_border`).
 
 All of it is in double precision, whatever the precision of the body: strands are stiff against stretching and soft
-against bending, and single precision would leave no positive definite matrix of a long one. In one dimension this costs
-what a few sweeps of a smoother cost, and it is exact: curves need no coarser grids.
+against bending, and single precision would leave no positive definite matrix of a long one.
 """
 
 import functools

@@ -240,7 +240,7 @@ def test_a_hessian_product_survives_the_energy_of_another_shape() -> None:
     np.testing.assert_array_equal(curve.product(p), product)
 
 
-@pytest.mark.parametrize("name", ["string", "rod", "helix"])
+@pytest.mark.parametrize("name", ["string", "rod", "helix", "ring"])
 def test_named_kernels_are_those_that_are_launched(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     curve = Curve.of(name, SMALL)
     launched: set[str] = set()

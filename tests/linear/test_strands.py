@@ -5,15 +5,21 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from curves import CASES, CLOSED, FLAT, ROUND, SHAPES, Curve, FakeModel, crumpled, line, segment_lengths
-from surfaces import REALS, WIDTHS
+from bodies import CORNERS
+from curves import CASES, FLAT, ROUND, SHAPES, Curve, FakeModel, crumpled, line, segment_lengths
+from surfaces import MATERIALS, REALS, WIDTHS
 
+from warpdeform.body import Body
 from warpdeform.forces.force import BodyArrays, Force
+from warpdeform.forces.surface_elasticity import SurfaceElasticity
 from warpdeform.kernels import krylov as entries
 from warpdeform.linear import ConjugateGradient, LinearOperator, Sums, choose_preconditioner
+from warpdeform.linear.cheapest import Cheapest
 from warpdeform.linear.multigrid import Multigrid
 from warpdeform.linear.strands import StrandInverse
 from warpdeform.material import Material
+from warpdeform.model import Model
+from warpdeform.shape import sheet
 from warpdeform.state import State
 
 Array = np.ndarray[Any, Any]
@@ -69,7 +75,7 @@ class System:
 
     def inverse(self, residual: Array) -> Array:
         solve = StrandInverse(self.operator.grids[0])
-        solve.update(None, None)
+        solve.update()
         out = self.curve.upload(np.full_like(residual, np.nan))
         solve.apply(self.curve.upload(residual), out)
         return self.curve.download(out)
@@ -167,6 +173,31 @@ def test_curves_take_the_direct_solve_by_themselves() -> None:
     assert isinstance(system.preconditioner, Multigrid)
     (level,) = system.preconditioner.levels
     assert level.coarse is None
-    assert isinstance(level._coarsest, StrandInverse)
-    assert level.bytes() > level._coarsest.bytes() > 38 * 8 * 9 * 3
-    assert CLOSED
+    assert isinstance(level.strands, StrandInverse)
+    assert level.bytes() == level.strands.bytes() > 38 * 8 * 9 * 3
+
+
+def test_curves_are_solved_directly_beside_other_bodies_too() -> None:
+    """Whatever suits the sheet: curves have no part in the trials of the cheapest preconditioner."""
+    curve, rest = Curve.of("helix", (33, 2)), sheet((17, 17))
+    strands = System(curve, waved(curve.rest))
+    body = Body("sheet", rest, MATERIALS["isotropic"], pins=CORNERS)
+    state = State(Model(body, "float64", CPU), wp.zeros(1, dtype=wp.int32, device=CPU))
+    state.z.assign(state.layout.pack(rest.positions))
+    elastic = SurfaceElasticity(state.model.grid, state.layout, rest.positions, body.material, wp.float64, CPU)
+    elastic.linearise(state, state.z)
+    states = [strands.state, state]
+    operator = LinearOperator(states, [[curve.force], [elastic]])
+    operator.set_tau(1 / 60)
+    operator.update()
+    preconditioner = choose_preconditioner("auto", operator)
+    assert isinstance(preconditioner, Cheapest)
+    preconditioner.multigrid.update_blocks()
+    residual = np.random.default_rng(3).normal(size=(33, 2, 3)) * ~strands.pinned[..., None]
+    strands.state.residual.assign(curve.layout.pack(residual))
+    expected = strands.inverse(residual)
+    for apply in (preconditioner.multigrid.apply_blocks, preconditioner.multigrid.apply_cycle):
+        strands.state.conditioned.fill_(np.nan)
+        apply()
+        np.testing.assert_array_equal(curve.download(strands.state.conditioned), expected)
+        preconditioner.multigrid.update_coarse()

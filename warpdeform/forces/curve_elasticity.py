@@ -101,6 +101,7 @@ class CurveElasticity(Force):
     def kernels(self) -> tuple[str, ...]:
         """Names of the kernels that a step launches."""
         names = ["curve.product", "curve.gather", "curve_blocks.block_nodes", "curve_blocks.band_nodes"]
+        names += ["curve.wrap_flux"] if self._loop else []
         if self.frames:
             return (*names, "curve_blocks.band_angles", *self.frames.kernels)
         return ("curve.stress", "curve.energy", *names)
@@ -125,6 +126,7 @@ class CurveElasticity(Force):
         else:
             inputs = (position, self._loop, self.axial, self.g0, self.bending, self._floor)
             self._launch(self._words.stress, *inputs, *outputs)
+        self._wrap_flux()
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
         """Add the elastic energy [J]."""
@@ -136,7 +138,7 @@ class CurveElasticity(Force):
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the elastic force with its sign reversed [N]; `linearise` has stored the flux."""
-        self._launch(self._words.gather, self._loop, self.flux, gradient)
+        self._launch(self._words.gather, self.flux, gradient)
 
     def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
         """Add the projected Hessian times `direction` [N], the angles eliminated."""
@@ -145,7 +147,12 @@ class CurveElasticity(Force):
             self.frames.relax(self.slopes, direction)
             spins, turn = self.frames.spins, self.frames.turn
         self._launch(self._words.product, self._loop, self.stretch, self.slopes, spins, turn, direction, self.flux)
-        self._launch(self._words.gather, self._loop, self.flux, product)
+        self._wrap_flux()
+        self._launch(self._words.gather, self.flux, product)
+
+    def _wrap_flux(self) -> None:
+        if self._loop:
+            wp.launch(self._words.wrap_flux, dim=self._dim[1], inputs=[self._loop, self.flux], device=self._device)
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks [N/m], of the Hessian with its angles held where there are frames."""

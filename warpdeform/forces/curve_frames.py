@@ -32,6 +32,9 @@ class MaterialFrames:
     At the start of a step the frames are tangents and directors, and all angles are zero. Positions are measured with
     one of two sets of angles: those of the iterate, from which the next Newton iteration goes on, or trial ones.
 
+    For the body that has them: `place` once the initial positions are known, `hold` for clamps (segments with both
+    nodes pinned), `aim` before each step in which a clamp turns.
+
     Args:
         grid: Parameter grid.
         layout: Memory layout.
@@ -102,6 +105,8 @@ class MaterialFrames:
     def place(self, positions: Array, rotation: Sequence[float] = UNTURNED) -> None:
         """Set where the frames start from (host): at the rest shape, turned and then bent to the initial positions.
 
+        Directors that are held are held there.
+
         Args:
             positions: Initial positions [m], shape (n, strands, 3).
             rotation: Rotation of the initial from the rest positions, quaternion (x, y, z, w): what positions alone do
@@ -110,6 +115,7 @@ class MaterialFrames:
         tangents = unit_tangents(self._grid, positions)
         directors, before = rotate(rotation, self._rest.directors), rotate(rotation, self._rest.tangents)
         self._start = Frames(tangents, normal_part(transported(directors, before, tangents), tangents))
+        self.aim(self._start.directors)
         self.reset()
 
     def hold(self, segments: NDArray[np.bool_], directors: Array | None = None) -> None:

@@ -58,6 +58,10 @@ class Level:
         vectors: The arrays that the cycle writes.
         stiff: Node-wise terms or pins leave the coarse grid something to feel.
         caution: Which rates the smoother takes (:mod:`warpdeform.kernels.multigrid`), int32, shape (3,).
+
+    Attributes:
+        coarse: The next coarser grid; None where there is none.
+        strands: The direct solve that curves have in place of all this; None for surfaces and solids.
     """
 
     def __init__(
@@ -75,6 +79,10 @@ class Level:
         self._body, self._operator, self._stiff = body, operator, stiff
         self.position, self.solution, self._product = vectors.position, vectors.solution, vectors.product
         self._kernels = multigrid(body.lane_width, body.real)
+        self.coarse: Level | None = None
+        self.strands = StrandInverse(operator) if grid.dimension == 1 else None
+        if self.strands is not None:
+            return
 
         def zeros(components: int) -> wp.array:
             shape = (components, body.layout.rows, body.layout.columns)
@@ -85,11 +93,7 @@ class Level:
         self.residual, self._change = self._stiffening[:3], self._stiffening[3:]
         self.inverse = zeros(6)
         self._elastic = zeros(6) if operator.blocks is not None else self.inverse
-        self._coarsest: DenseInverse | StrandInverse | None = None
-        self.coarse: Level | None = None
-        if grid.dimension == 1:
-            self._coarsest = StrandInverse(operator)
-            return
+        self._coarsest: DenseInverse | None = None
         coarser = grid.coarser(lengths) if grid.node_count > COARSEST_NODES else None
         if coarser is None:
             self._coarsest = DenseInverse(operator)
@@ -122,6 +126,8 @@ class Level:
 
     def bytes(self) -> int:
         """Device memory of this level and the coarser ones that nothing else counts [bytes]."""
+        if self.strands is not None:
+            return self.strands.bytes()
         own = self._stiffening.capacity + self.inverse.capacity
         if self._elastic is not self.inverse:
             own += self._elastic.capacity
@@ -135,6 +141,9 @@ class Level:
 
     def update_blocks(self) -> None:
         """Rebuild D^-1, and what a coarser grid feels of contact and pins, from terms linearised at `position`."""
+        if self.strands is not None:
+            self.strands.update()
+            return
         body, operator = self._body, self._operator
         operator.start_blocks(self._elastic)
         operator.add_elastic_diagonal(self._elastic)
@@ -150,6 +159,8 @@ class Level:
 
     def update_coarse(self) -> None:
         """Rebuild the coarser grids, or the inverse where there are none; follows `update_blocks`."""
+        if self.strands is not None:
+            return
         if self._coarsest is not None:
             self._coarsest.update(self._change, self._product)
             return
@@ -177,6 +188,9 @@ class Level:
 
     def cycle(self, residual: wp.array) -> None:
         """One V-cycle from zero: `solution` becomes an approximation of A^-1 residual, shape (3, rows, columns)."""
+        if self.strands is not None:
+            self.strands.apply(residual, self.solution)
+            return
         if self._coarsest is not None:
             self._coarsest.apply(residual, self.solution)
             return
