@@ -39,7 +39,7 @@ def curve_blocks(width: int, real: Any, strains: int) -> SimpleNamespace:
     outer_real, isotropic_real = words.outer, words.isotropic
     row_before, row_after = shape.row_before, shape.row_after
     double = lanes(width, wp.float64)
-    D, mul, scale, scale6, splat = double.V, double.mul, double.scale, double.scale6, double.splat
+    D, mul, scale, splat = double.V, double.mul, double.scale, double.splat
     store1, store3, store6 = double.store1, double.store3, double.store6
     outer, isotropic, vector = double.outer, double.isotropic, double.vector
     read1, read3 = words.read1, words.read3
@@ -101,7 +101,7 @@ def curve_blocks(width: int, real: Any, strains: int) -> SimpleNamespace:
         free: wp.array3d(dtype=real),
         band_out: wp.array3d(dtype=wp.float64),
     ):
-        """The positions; pinned nodes have the rows and columns of the identity."""
+        """The positions; pinned nodes are coupled with nothing."""
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
         before, after = row_before(i, loop), row_after(i, loop)
@@ -135,7 +135,7 @@ def curve_blocks(width: int, real: Any, strains: int) -> SimpleNamespace:
         store3(band_out, NEAR, i, j, scale(f1, near0))
         store3(band_out, NEAR + 3, i, j, scale(f1, near1))
         store3(band_out, NEAR + 6, i, j, scale(f1, near2))
-        store6(band_out, OWN, i, j, scale6(f, own) + isotropic(splat(one) - f))
+        store6(band_out, OWN, i, j, own)
 
     @wp.kernel(module=module)
     def band_angles(

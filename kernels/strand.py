@@ -48,7 +48,7 @@ def strand(width: int, real: Any, angled: bool, closed: bool) -> SimpleNamespace
     border_of = strand_border(width, angled)
     enter_border, eliminate_border = border_of.enter, border_of.eliminate
     forwards_border, backwards_border = border_of.forwards, border_of.backwards
-    read1, read3, read6, write3 = words.read1, words.read3, words.read6, words.write3
+    read3, read6, write3 = words.read3, words.read6, words.write3
     V, load1, load3, load6 = double.V, double.load1, double.load3, double.load6
     store1, store3, store6, splat, vector = double.store1, double.store3, double.store6, double.splat, double.vector
     dot3, scale, scale6, mul, outer = double.dot3, double.scale, double.scale6, double.mul, double.outer
@@ -117,18 +117,16 @@ def strand(width: int, real: Any, angled: bool, closed: bool) -> SimpleNamespace
     @wp.kernel(module=module)
     def factorise(
         nodes: int,
-        free: wp.array3d(dtype=real),
         blocks: wp.array3d(dtype=real),
         band: wp.array3d(dtype=wp.float64),
         border: wp.array3d(dtype=wp.float64),
         corner: wp.array3d(dtype=wp.float64),
     ):
-        """Adds what acts on single nodes to the band, where they are free, and factorises it."""
+        """Adds what acts on single nodes to the band and factorises it."""
         group = wp.tid()
         j = (group + 1) * width
         for i in range(1, nodes + 1):
-            acting = scale6(read1(free, 0, i, j), read6(blocks, 0, i, j))
-            store6(band, OWN, i, j, load6(band, OWN, i, j) + acting)
+            store6(band, OWN, i, j, load6(band, OWN, i, j) + read6(blocks, 0, i, j))
         if wp.static(closed):
             enter_border(nodes, j, band, border, corner)
         for i in range(1, nodes + 1 - ends):

@@ -25,7 +25,7 @@ class StrandInverse:
 
     def __init__(self, operator: GridOperator) -> None:
         body, layout = operator.body, operator.body.layout
-        self._operator, self._free, self._device = operator, body.free, body.device
+        self._operator, self._device = operator, body.device
         angled, closed = operator.terms[0].angled, layout.periodic[0]
         self._nodes = layout.nodes[0]
         self._kernels = strand(body.lane_width, body.real, angled, closed)
@@ -59,7 +59,7 @@ class StrandInverse:
                 wp.copy(blocks, operator.blocks)
             for term in operator.terms[1:]:
                 term.add_block_diagonal(operator.body, blocks)
-        self._launch("factorise", self._free, blocks, self._band, self._border, self._corner)
+        self._launch("factorise", blocks, self._band, self._border, self._corner)
 
     def apply(self, residual: wp.array, solution: wp.array) -> None:
         """solution = A^-1 residual on the free nodes; arrays of shape (3, rows, columns)."""
