@@ -76,8 +76,8 @@ class Strands:
         raise AssertionError(f"still moving by {moved:g} m a step: {report}")
 
 
-def softest(curve: Curve, z: Array, free: NDArray[np.bool_], step: float = 1e-7) -> float:
-    """Smallest eigenvalue of the exact Hessian at z over the free components, shape (n, 1, 3), of a single strand.
+def spectrum(curve: Curve, z: Array, free: NDArray[np.bool_], step: float = 1e-7) -> Array:
+    """Eigenvalues of the exact Hessian at z over the free components, shape (n, 1, 3), of a single strand.
 
     By central differences of the exact gradient; every perturbed shape is a strand of its own.
     """
@@ -89,7 +89,12 @@ def softest(curve: Curve, z: Array, free: NDArray[np.bool_], step: float = 1e-7)
     gradient = curve.gradient(bent)
     columns = (gradient[:, ::2] - gradient[:, 1::2]) / (2 * step)
     H = columns[places[:, 0], :, places[:, 1]]
-    return float(np.linalg.eigvalsh((H + H.T) / 2)[0])
+    return np.asarray(np.linalg.eigvalsh((H + H.T) / 2))
+
+
+def softest(curve: Curve, z: Array, free: NDArray[np.bool_]) -> float:
+    """The smallest of those eigenvalues."""
+    return float(spectrum(curve, z, free)[0])
 
 
 def critical(stiffness_at: Sequence[tuple[float, float]]) -> float:

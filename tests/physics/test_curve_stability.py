@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import warp as wp
 from curves import Curve
-from physics.curve_statics import Array, critical, softest
+from physics.curve_statics import Array, critical, softest, spectrum
 from physics.statics import orders, percent
 from scipy.optimize import brentq
 
@@ -93,3 +93,28 @@ def test_twisted_rod_buckles_at_its_torque() -> None:
     print(f"\ntwisted rod, 20 and 40 cells: errors of M L / EI {percent(errors)}", end="")
     assert abs(errors[-1]) < 0.01
     assert abs(errors[-1]) < abs(errors[0])
+
+
+def test_twisted_ring_leaves_its_plane_at_michells_twist() -> None:
+    """Michell 1889: 2 pi sqrt(3) EI / GJ, of a rod straight by nature whose ends were turned and joined."""
+    torsion, errors = 0.15, []
+    exact = 2 * np.pi * np.sqrt(3) * BENDING / torsion
+    for count in (20, 40, 80):
+        phase = 2 * np.pi * np.arange(count) / count
+        one = np.stack([np.cos(phase), np.sin(phase), 0 * phase], -1)[:, None] / (2 * np.pi)
+        rest = np.repeat(one, 6 * count, axis=1)
+        free, stiffness = np.ones((count, 1, 3), dtype=bool), []
+        for load in exact * np.array([0.95, 1.1]):
+            curve = Curve(rest, ROD, wp.float64, 8, closed=True, director=np.array([0.0, 0.0, 1.0]))
+            frames = curve.force.frames
+            natural = np.zeros((count, 6 * count, 3))
+            natural[0, :, 2] = -load
+            frames.natural.assign(curve.layout.pack(natural))
+            curve.linearise(rest)
+            # The six rigid motions have no stiffness; the softest of the others may lie on either side of them.
+            found = spectrum(curve, one, free)
+            stiffness.append((load, float(found[0] if found[0] < -1e-3 * BENDING else found[6])))
+        errors.append(critical(stiffness) / exact - 1)
+    print(f"\nMichell's ring, 20, 40, 80 nodes: errors {percent(errors)}, orders {orders(errors).round(2)}", end="")
+    assert abs(errors[-1]) < 0.01
+    assert orders(errors).min() > 1.8
