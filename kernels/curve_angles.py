@@ -1,4 +1,4 @@
-"""The angles of a strand's segments as a linear system: words that factorise and solve it along the rows.
+"""Words of the angles of a strand's segments: strains as they turn, and their linear system along the rows.
 
 Node k couples the angles of its edges a and b (segments before k and k) by the second derivatives of its energy; the
 matrix is tridiagonal, with a corner that couples the last segment of a closed curve with the first. The last angle is
@@ -11,6 +11,7 @@ from typing import Any
 
 import warp as wp
 
+from warpdeform.kernels.angles import angles
 from warpdeform.kernels.curve_geometry import curve_geometry
 from warpdeform.kernels.lanes import lanes
 
@@ -26,10 +27,26 @@ PIVOT = {"float32": 1.0e-5, "float64": 1.0e-12}
 def angle_system(width: int, real: Any) -> SimpleNamespace:
     """Device functions for one lane width and precision."""
     words, shape = lanes(width, real), curve_geometry(width, real)
-    L = words.L
+    L, cos_sin = words.L, angles(width, real).cos_sin
     load1, store1, mul, div, splat = words.load1, words.store1, words.mul, words.div, words.splat
     exceeds, larger, at_least, row_after = words.exceeds, words.larger, words.at_least, shape.row_after
     zero, half, one, pivot, tiny = real(0.0), real(0.5), real(1.0), real(PIVOT[real.__name__]), real(1.0e-30)
+
+    @wp.func
+    def strains(lever: wp.array3d(dtype=real), angle_a: L, angle_b: L, k: int, j: int):
+        """kappa_1, kappa_2 and m of a node."""
+        c, s = cos_sin(half * (angle_a + angle_b))
+        k1, k2 = load1(lever, 0, k, j), load1(lever, 1, k, j)
+        return mul(c, k1) + mul(s, k2), mul(c, k2) - mul(s, k1), angle_b - angle_a + load1(lever, 2, k, j)
+
+    @wp.func
+    def weighted(weights: wp.array3d(dtype=real), natural: wp.array3d(dtype=real), k1: L, k2: L, m: L, k: int, j: int):
+        """The strains q of a node."""
+        return (
+            mul(load1(weights, 0, k, j), k1 - load1(natural, 0, k, j)),
+            mul(load1(weights, 1, k, j), k2 - load1(natural, 1, k, j)),
+            mul(load1(weights, 2, k, j), m - load1(natural, 2, k, j)),
+        )
 
     @wp.func
     def store_matrix(joint: wp.array3d(dtype=real), k: int, j: int, bending: L, twist: L):
@@ -129,6 +146,8 @@ def angle_system(width: int, real: Any) -> SimpleNamespace:
             store1(turn, 0, i, j, x)
 
     return SimpleNamespace(
+        strains=strains,
+        weighted=weighted,
         store_matrix=store_matrix,
         store_moments=store_moments,
         moment=moment,

@@ -20,6 +20,7 @@ from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.kernels.curve import SPIN_COMPONENTS
 from warpdeform.kernels.curve_angles import CHAIN_COMPONENTS, JOINT_COMPONENTS
 from warpdeform.kernels.curve_frame import LEVER_COMPONENTS, curve_frame
+from warpdeform.kernels.curve_settle import curve_settle
 
 Array = NDArray[np.float64]
 
@@ -68,6 +69,7 @@ class MaterialFrames:
         self._grid, self._layout, self._real, self._device = grid, layout, real, device
         self._weights, self._floor = weights, floor
         self._words = curve_frame(layout.lane_width, real)
+        self._walks = curve_settle(layout.lane_width, real)
         self._loop = grid.nodes[0] if grid.periodic[0] else 0
         self._last = grid.cells[0]
 
@@ -95,8 +97,9 @@ class MaterialFrames:
     @property
     def kernels(self) -> tuple[str, ...]:
         """Names of the kernels that a step launches."""
-        names = ("carry_frames", "measure_levers", "settle_angles", "stress", "factorise_angles", "relax_angles")
-        return tuple(f"curve_frame.{name}" for name in (*names, "energy", "accept_frames"))
+        frame = ("carry_frames", "measure_levers", "stress", "energy", "accept_frames")
+        walks = ("settle_angles", "factorise_angles", "relax_angles")
+        return (*(f"curve_frame.{name}" for name in frame), *(f"curve_settle.{name}" for name in walks))
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
@@ -211,4 +214,4 @@ class MaterialFrames:
     def _walk(self, name: str, *inputs: Any) -> None:
         """Launch a kernel with one thread for each lane group, that walks along its strands."""
         dim = self._layout.lane_dim[1]
-        wp.launch(getattr(self._words, name), dim=dim, inputs=[self._last, self._loop, *inputs], device=self._device)
+        wp.launch(getattr(self._walks, name), dim=dim, inputs=[self._last, self._loop, *inputs], device=self._device)
