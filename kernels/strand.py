@@ -58,6 +58,8 @@ def strand(width: int, real: Any, angled: bool, closed: bool) -> SimpleNamespace
     zero = wp.float64(0.0)
     ends = 2 if closed else 0
     module = kernel_module(f"strand{'_angled' if angled else ''}{'_closed' if closed else ''}", width, real)
+    # Loops over the border's unknowns, one in another, would be a hundred copies of their bodies.
+    module.options["max_unroll"] = 6
 
     @wp.func
     def row(band: wp.array3d(dtype=wp.float64), i: int, j: int, c: int):
