@@ -42,6 +42,8 @@ FLOORS = (
         "settings",
         "selectors",
         "tensors",
+        "section",
+        "frenet",
     },
     {"forces", "linear"},
     {"integrators"},
@@ -50,7 +52,7 @@ FLOORS = (
 )
 """Modules by floor (design 3.2): a module imports its own floor and those below."""
 
-DESCRIPTIONS = ("errors", "material", "shape", "track", "obstacle", "wind", "body", "settings", "result")
+DESCRIPTIONS = ("errors", "material", "shape", "track", "obstacle", "wind", "body", "settings", "result", "section")
 """What a scene is described with: pure NumPy, so that a command line answers before Warp is loaded."""
 
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}

@@ -63,6 +63,7 @@ class GridTerm(Protocol):
     sample_nodes: int
     gathering: Gathering | None
     fluxes: RowStruct
+    angled: bool
 
     def bytes(self) -> int: ...
 
@@ -75,6 +76,8 @@ class GridTerm(Protocol):
     def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None: ...
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None: ...
+
+    def write_band(self, body: GridArrays, band: wp.array) -> None: ...
 
 
 class CoarseTerm(GridTerm, Protocol):
@@ -99,6 +102,8 @@ class Force:
     """How the Hessian product is gathered from fluxes: of the one term of a body that makes it hold together."""
     fluxes: RowStruct
     """What is gathered from."""
+    angled: bool = False
+    """The Hessian has the angles of segments eliminated: the direct solve along strands takes them as unknowns."""
     energy_kind: ClassVar[str] = "field"
     """Where reports book the energy: "elastic", "gravity", "field"; "" where none is stored (friction, wind)."""
 
@@ -147,6 +152,12 @@ class Force:
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian [N/m], shape (6, rows, columns) (elastic terms)."""
+
+    def write_band(self, body: GridArrays, band: wp.array) -> None:
+        """Write the projected Hessian as the band of each strand [N/m], free nodes only (elastic terms of curves).
+
+        Float64 whatever the precision of the body; laid out as :mod:`warpdeform.kernels.strand_words` tells.
+        """
 
     def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
         """Add the whole Hessian of a node-wise term, one symmetric block per node [N/m], shape (6, rows, columns)."""
