@@ -187,7 +187,7 @@ class Curve:
     def design(self) -> "DesignEnergy":
         """The oracle for the same curve, its frames as they start."""
         frames = self.force.frames
-        return DesignEnergy(self, None if frames is None else (frames._start.tangents, frames._start.directors))
+        return DesignEnergy(self, None if frames is None else (frames.start.tangents, frames.start.directors))
 
 
 def dot(a: Array, b: Array) -> Array:

@@ -35,6 +35,7 @@ FLOORS = (
         "state",
         "device",
         "attachment",
+        "clamps",
         "launching",
         "team",
         "errors",

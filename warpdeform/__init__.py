@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from warpdeform.material import Material
     from warpdeform.obstacle import Obstacle
     from warpdeform.scene import load_scene
+    from warpdeform.section import Section
     from warpdeform.settings import Settings
     from warpdeform.shape import (
         RestShape,
@@ -53,6 +54,7 @@ __all__ = [
     "Pin",
     "Recorder",
     "RestShape",
+    "Section",
     "Settings",
     "Simulation",
     "SimulationFailure",
@@ -88,6 +90,7 @@ _HOMES = {
     "material": ("Material",),
     "obstacle": ("Obstacle",),
     "scene": ("load_scene",),
+    "section": ("Section",),
     "settings": ("Settings",),
     "shape": (
         "RestShape",

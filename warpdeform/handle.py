@@ -8,6 +8,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpdeform.body import Body
+from warpdeform.clamps import Clamps
+from warpdeform.forces.curve_elasticity import CurveElasticity
 from warpdeform.forces.drag import Drag
 from warpdeform.forces.force import Force
 from warpdeform.forces.gravity import Gravity
@@ -32,7 +34,25 @@ def _surface(model: Model) -> SurfaceElasticity:
     return SurfaceElasticity(model.grid, model.layout, body.shape.positions, body.material, model.real, device)
 
 
-ELASTICITY: dict[str, Callable[[Model], Force]] = {"surface": _surface}
+def _curve(model: Model) -> CurveElasticity:
+    body, clamps = model.body, Clamps(model.body)
+    return CurveElasticity(
+        model.grid,
+        model.layout,
+        body.shape.positions,
+        body.material,
+        model.real,
+        model.device,
+        section=body.section,
+        natural=None if body.natural is None else body.natural.positions,
+        director=body.director,
+        framed=clamps.twist,
+        start=(model.initial_positions, body.rotation),
+        clamps=clamps,
+    )
+
+
+ELASTICITY: dict[str, Callable[[Model], Force]] = {"curve": _curve, "surface": _surface}
 """The elastic energy of each kind of body."""
 WIND: dict[str, Callable[[State, Wind, float], Force]] = {"surface": WindLoad}
 """The force of the air on each kind of body, on the shares `Model.area` of what it meets."""

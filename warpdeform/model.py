@@ -7,7 +7,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpdeform.body import Body, Pin, rotate
+from warpdeform.body import Body, rotate
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.measure import exposed_shares, node_measures
 from warpdeform.selectors import select_nodes
@@ -92,7 +92,7 @@ class Model:
         """
         if self.pins_move:
             self.target.assign(self.layout.pack(self._pin_targets(time)))
-        let_go = sum(_is_over(pin, time) for pin, _ in self._pinned)
+        let_go = sum(pin.is_over(time) for pin, _ in self._pinned)
         changed = let_go != self._let_go
         if changed:
             self._let_go = let_go
@@ -102,7 +102,7 @@ class Model:
     def _free_nodes(self, time: float) -> Array:
         free = np.ones(self.body.nodes)
         for pin, held in self._pinned:
-            if not _is_over(pin, time):
+            if not pin.is_over(time):
                 free[held] = 0.0
         return free
 
@@ -120,11 +120,6 @@ class Model:
         """Longest edge over its rest length; positions as a component array (3, rows, columns)."""
         lengths = _edge_lengths(self.grid, self.download(positions))
         return float(max(np.max(now / rest) for now, rest in zip(lengths, self._rest_lengths, strict=True)))
-
-
-def _is_over(pin: Pin, time: float) -> bool:
-    """Whether a pin has let go before a step that ends at `time`; times are multiples of a step to round-off."""
-    return pin.until is not None and time > pin.until + 1e-9
 
 
 def _edge_lengths(grid: ParameterGrid, positions: Array) -> list[Array]:

@@ -46,7 +46,7 @@ def settled(curve: Curve, z: Array) -> tuple[Any, Array | None]:
     if frames is None:
         return design, None
     curve.linearise(z)
-    return design, design.settled(z, angle=curve.download(frames._angle)[: len(frames._start.tangents), :, 0])
+    return design, design.settled(z, angle=curve.download(frames._angle)[: len(frames.start.tangents), :, 0])
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -74,7 +74,7 @@ def test_blocks_are_those_on_the_diagonal_with_the_angles_held(name: str) -> Non
         whole = largest(H)
         above = blocks.reshape(-1, 3, 3) - np.einsum("ikil->ikl", H.reshape(12, 3, 12, 3))
         assert np.linalg.eigvalsh(above).min() > -1e-14 * whole
-        curve.force.frames.hold(np.ones((len(curve.force.frames._start.tangents), 2), dtype=bool))
+        curve.force.frames.hold(np.ones((len(curve.force.frames.start.tangents), 2), dtype=bool))
         curve.linearise(z)
         H, blocks = curve.hessian(), curve.blocks()
     diagonal = np.einsum("ikil->ikl", H.reshape(12, 3, 12, 3)).reshape(*SMALL, 3, 3)
@@ -202,7 +202,7 @@ def test_mirrored_and_reversed_curves_have_mirrored_and_reversed_forces(name: st
     options = dict(case.options)
     if curve.force.frames is not None:
         # Segment n - 1 of a closed curve closes it from either end.
-        directors = curve.force.frames._start.directors
+        directors = curve.force.frames.start.directors
         options["director"] = np.concatenate([directors[-2::-1], directors[-1:]]) if closed else directors[::-1]
     backwards = Curve(curve.rest[::-1], case.material, closed=closed, **options).gradient(z[::-1])
     assert largest(backwards[::-1] - gradient) < 1e-7 * largest(gradient)

@@ -29,7 +29,7 @@ def rod(count: int = 21, strands: int = 2, real: Any = wp.float64, length: float
 def roll(curve: Curve, angles: Array) -> None:
     """Roll the last directors about the rods by these angles in steps of less than half a turn, one per time step."""
     frames = curve.force.frames
-    directors = np.tile([0.0, 1.0, 0.0], (*frames._start.directors.shape[:2], 1))
+    directors = np.tile([0.0, 1.0, 0.0], (*frames.start.directors.shape[:2], 1))
     count = int(np.ceil(np.abs(angles).max() / 2.0))
     for k in range(1, count + 1):
         now = angles * k / count
@@ -89,11 +89,11 @@ def test_a_straight_strand_is_placed_with_its_section() -> None:
     rest = line(9, 1)
     curve = Curve(rest, RUBBER, section=FLAT, director=(0.0, 0.3, 1.0))
     frames, axis = curve.force.frames, rest[-1, 0] / np.linalg.norm(rest[-1, 0])
-    first = frames._start.directors.copy()
+    first = frames.start.directors.copy()
     frames.place(rest, [*(np.sin(np.pi / 4) * axis), np.cos(np.pi / 4)])
-    np.testing.assert_allclose(frames._start.directors, turned(first, tuple(axis), np.pi / 2), atol=1e-14)
+    np.testing.assert_allclose(frames.start.directors, turned(first, tuple(axis), np.pi / 2), atol=1e-14)
     frames.place(rest)
-    np.testing.assert_allclose(frames._start.directors, first, atol=1e-14)
+    np.testing.assert_allclose(frames.start.directors, first, atol=1e-14)
 
 
 def test_frames_do_not_depend_on_the_way_they_came() -> None:
@@ -139,8 +139,8 @@ def test_a_strand_that_spins_freely_does_not_spin(real: Any) -> None:
 def test_directors_that_wind_are_natural_twist() -> None:
     rest, turns = line(9, 2), 0.4 * np.arange(8)
     plain = Curve(rest, RUBBER, section=FLAT)
-    directors = plain.force.frames._start.directors
-    tangent = plain.force.frames._start.tangents
+    directors = plain.force.frames.start.directors
+    tangent = plain.force.frames.start.tangents
     wound = np.cos(turns)[:, None, None] * directors + np.sin(turns)[:, None, None] * np.cross(tangent, directors)
     curve = Curve(rest, RUBBER, section=FLAT, director=wound)
     natural = curve.download(curve.force.frames.natural)

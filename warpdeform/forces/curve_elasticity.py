@@ -1,11 +1,13 @@
 """The elastic energy of a curve body: stretch, and bending and twist where the curve has them (design 1.3)."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import ArrayLike, NDArray
 
+from warpdeform.clamps import Clamps
 from warpdeform.forces.curve_coefficients import CurveStiffness, Sections, curve_stiffness, segment_lengths
 from warpdeform.forces.curve_frames import MaterialFrames
 from warpdeform.forces.force import BodyArrays, Force, GridArrays
@@ -41,6 +43,9 @@ class CurveElasticity(Force):
             segment (:func:`~warpdeform.forces.curve_coefficients.material_frames`); None: anywhere. Directors of every
             segment that wind around the curve are its natural twist.
         framed: Keep material frames in any case, so that held directors twist the strands.
+        start: Initial positions [m], shape (n, strands, 3), and the rotation (x, y, z, w) that they have from the rest
+            shape, where they are others.
+        clamps: Segments whose directors are held, and how they turn.
 
     Attributes:
         stiffness: Weights of the strains.
@@ -69,6 +74,8 @@ class CurveElasticity(Force):
         natural: Array | None = None,
         director: ArrayLike | None = None,
         framed: bool = False,
+        start: tuple[Array, Sequence[float]] | None = None,
+        clamps: Clamps | None = None,
     ) -> None:
         wound = director is not None and np.ndim(director) == 3
         self.stiffness: CurveStiffness = curve_stiffness(grid, rest, material, section, natural, framed or wound)
@@ -98,8 +105,13 @@ class CurveElasticity(Force):
         self.fluxes = RowStruct(self.gathering.Fluxes, {"flux": self.flux})
         self.frames: MaterialFrames | None = None
         if strains == 3:
-            shape, start = (rest, None) if natural is None else (natural, rest)
-            self.frames = MaterialFrames(grid, layout, self.bending, self._floor, real, device, shape, start, director)
+            shape, bent = (rest, None) if natural is None else (natural, rest)
+            self.frames = MaterialFrames(grid, layout, self.bending, self._floor, real, device, shape, bent, director)
+            if start is not None:
+                self.frames.place(*start)
+            if clamps is not None:
+                self.frames.hold(clamps.held(0.0))
+        self._clamps = clamps if clamps is not None and clamps.change else None
         self.angled = self.frames is not None
 
     @property
@@ -127,6 +139,12 @@ class CurveElasticity(Force):
     def measure(self, position: wp.array, metric_out: wp.array, binormal_out: wp.array) -> None:
         """Squared lengths of the segments, shape (1, rows, columns), and kb of the nodes, shape (3, rows, columns)."""
         self._launch(self._words.measure, position, self._loop, self._floor, metric_out, binormal_out)
+
+    def prepare(self, time: float, dt: float, tau: float) -> None:
+        """Which directors clamps hold in the step that ends at `time` [s], and where they have turned them."""
+        if self.frames and self._clamps:
+            directors = self._clamps.directors(self.frames.start.directors, time)
+            self.frames.hold(self._clamps.held(time), directors)
 
     def linearise(self, body: GridArrays, position: wp.array) -> None:
         """Stresses, moments and the coefficients of the Hessian at `position`."""

@@ -49,6 +49,7 @@ class MaterialFrames:
         director: Where director 1 points on `shape` (:func:`~warpdeform.forces.curve_coefficients.material_frames`).
 
     Attributes:
+        start: Tangents and directors of the segments at the start of a run.
         held: 1 at segments whose director is held, and where there is no segment; shape (1, rows, columns).
         natural: kappa_1, kappa_2 and the twist that need no force, shape (3, rows, columns).
         spins: Derivatives of the weighted strains by the angles at the iterate.
@@ -86,13 +87,13 @@ class MaterialFrames:
         self._angle, self._trial_angle = zeros(1), zeros(1)
         # At the iterate.
         self.spins, self._chain, self.turn = zeros(SPIN_COMPONENTS), zeros(CHAIN_COMPONENTS), zeros(1)
-        self._start = material_frames(grid, shape, director)
-        strains = material_strains(grid, shape, self._start)
+        self.start = material_frames(grid, shape, director)
+        strains = material_strains(grid, shape, self.start)
         self.natural: wp.array = wp.array(layout.pack(strains), dtype=real, device=device)
         kept = [*vars(self).values(), *self._newton]
         self._arrays = [array for array in kept if isinstance(array, wp.array) and array is not weights]
-        self.hold(np.zeros(self._start.tangents.shape[:2], dtype=bool))
-        self._rest = self._start if rest is None else self._start.carried(grid, rest)
+        self.hold(np.zeros(self.start.tangents.shape[:2], dtype=bool))
+        self._rest = self.start if rest is None else self.start.carried(grid, rest)
         self.place(shape if rest is None else rest)
 
     @property
@@ -118,8 +119,8 @@ class MaterialFrames:
         """
         tangents = unit_tangents(self._grid, positions)
         directors, before = rotate(rotation, self._rest.directors), rotate(rotation, self._rest.tangents)
-        self._start = Frames(tangents, normal_part(transported(directors, before, tangents), tangents))
-        self.aim(self._start.directors)
+        self.start = Frames(tangents, normal_part(transported(directors, before, tangents), tangents))
+        self.aim(self.start.directors)
         self.reset()
 
     def hold(self, segments: NDArray[np.bool_], directors: Array | None = None) -> None:
@@ -132,7 +133,7 @@ class MaterialFrames:
         held = np.ones(self._layout.nodes)
         held[: len(segments)] = segments
         self.held.assign(self._layout.pack(held))
-        self.aim(self._start.directors if directors is None else directors)
+        self.aim(self.start.directors if directors is None else directors)
 
     def aim(self, directors: Array) -> None:
         """Lead the held directors, shape (segments, strands, 3), of any length; between steps (host)."""
@@ -140,8 +141,8 @@ class MaterialFrames:
 
     def reset(self) -> None:
         """Back to where the frames start from (host)."""
-        self._tangent.assign(self._layout.pack(self._start.tangents))
-        self._director.assign(self._layout.pack(self._start.directors))
+        self._tangent.assign(self._layout.pack(self.start.tangents))
+        self._director.assign(self._layout.pack(self.start.directors))
         self._twist_before.assign(self.natural[2:3])
         self._angle.zero_()
 

@@ -129,5 +129,5 @@ class Springs(Force):
 
 
 def _strength(spec: Spring, time: float) -> float:
-    """Stiffness of a spring in the step that ends at `time`, which is a multiple of the step to round-off."""
-    return 0.0 if spec.until is not None and time > spec.until + 1e-9 else spec.stiffness
+    """Stiffness of a spring in the step that ends at `time` [N/m]."""
+    return 0.0 if spec.is_over(time) else spec.stiffness

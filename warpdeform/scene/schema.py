@@ -115,6 +115,14 @@ class StrandsTable(Table):
     )
 
 
+class SectionTable(Table):
+    """The cross-section of a curve: a disc, or a rectangle."""
+
+    radius: float | None = key(None, "Radius of a disc", unit="m", example=0.002, words="a number")
+    width: float | None = key(None, "Width of a rectangle, along director 1", unit="m", example=0.01, words="a number")
+    height: float | None = key(None, "Height of a rectangle", unit="m", example=0.002, words="a number")
+
+
 class BodyTable(Table):
     """[[body]]: a deformable curve, surface or solid, where it starts and what holds it."""
 
@@ -128,6 +136,18 @@ class BodyTable(Table):
     )
     shape: ShapeTable = key(..., "Rest shape", example={"kind": "sheet"}, words="a table")
     strands: StrandsTable | None = key(None, "Copies of a curve; left out: one", words="a table")
+    section: SectionTable | None = key(
+        None, "Cross-section of a curve, for materials in physical units", example={"radius": 0.002}, words="a table"
+    )
+    natural: ShapeTable | None = key(
+        None, "Shape of a curve whose curvature and twist need no force; left out: the rest shape", words="a table"
+    )
+    director: Vector | None = key(
+        None,
+        "Where director 1 of a curve's section (its width) points, at the first segment; left out: anywhere",
+        example=[0.0, 0.0, 1.0],
+        words="3 numbers",
+    )
     material: MaterialTable = key(..., "Preset, or numbers", example="cotton", words="a preset or a table of numbers")
     position: Vector = key([0.0, 0.0, 0.0], "Where the rest shape's origin starts", unit="m", example=[0.0, 0.0, 1.0])
     rotation: Vector = key([0.0, 0.0, 0.0], ROTATION, unit="degrees", example=[90.0, 0.0, 0.0])

@@ -6,6 +6,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from warpdeform.usd.curves import CurveSet
 from warpdeform.usd.description import BodyDescription
 from warpdeform.usd.frames import FrameWriter
 from warpdeform.usd.surface import SurfaceMesh
@@ -32,7 +35,25 @@ def _surface(body: Body) -> BodyDescription:
     )
 
 
-_KINDS: dict[str, Callable[[Body], BodyDescription]] = {"surface": _surface}
+def _curve(body: Body) -> BodyDescription:
+    return CurveSet(
+        body.name,
+        body.nodes,
+        drawn_radius(body),
+        closed=body.shape.periodic[0],
+        color=body.color,
+        roughness=body.roughness,
+    )
+
+
+def drawn_radius(body: Body) -> float:
+    """The radius of a curve's section, or a two-hundredth of its length if its material is that of no section [m]."""
+    if body.section is not None:
+        return body.section.radius
+    return float(np.linalg.norm(np.diff(body.shape.positions[:, 0], axis=0), axis=-1).sum()) / 200.0
+
+
+_KINDS: dict[str, Callable[[Body], BodyDescription]] = {"curve": _curve, "surface": _surface}
 
 
 class Recorder(FrameWriter):
