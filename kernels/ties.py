@@ -24,7 +24,8 @@ from warpdeform.kernels.lanes import kernel_module, lanes
 def ties(real: Any) -> SimpleNamespace:
     """Kernels for one precision: of soft ties the first four, of rigid ones the rest."""
     words = lanes(1, real)
-    V, load3, store3, add3, add6 = words.V, words.load3, words.store3, words.add3, words.add6
+    V, S, load3, load6, store3 = words.V, words.S, words.load3, words.load6, words.store3
+    add3, add6 = words.add3, words.add6
     dot3, isotropic = words.dot3, words.isotropic
     zero = real(0.0)
     module = kernel_module("ties", 1, real)
@@ -180,6 +181,24 @@ def ties(real: Any) -> SimpleNamespace:
         add3(a_out, 0, nodes[n, 0], nodes[n, 1], f)
 
     @wp.kernel(module=module)
+    def hang_blocks(
+        nodes: wp.array2d(dtype=wp.int32),
+        starts: wp.array(dtype=wp.int32),
+        tie_of: wp.array(dtype=wp.int32),
+        shares: wp.array(dtype=real),
+        followers: wp.array3d(dtype=wp.int32),
+        blocks: wp.array3d(dtype=real),
+        blocks_out: wp.array3d(dtype=real),
+    ):
+        """Add the blocks of the followers to those of the nodes that they follow: the diagonal blocks of T' A T."""
+        n = wp.tid()
+        b = S()
+        for e in range(starts[n], starts[n + 1]):
+            t = tie_of[e]
+            b = b + (shares[e] * shares[e]) * load6(blocks, 0, followers[t, 0, 0], followers[t, 0, 1])
+        add6(blocks_out, 0, nodes[n, 0], nodes[n, 1], b)
+
+    @wp.kernel(module=module)
     def clear(followers: wp.array3d(dtype=wp.int32), a_out: wp.array3d(dtype=real)):
         t = wp.tid()
         store3(a_out, 0, followers[t, 0, 0], followers[t, 0, 1], V())
@@ -193,5 +212,6 @@ def ties(real: Any) -> SimpleNamespace:
         add_blocks=add_blocks,
         spread=spread,
         gather=gather,
+        hang_blocks=hang_blocks,
         clear=clear,
     )

@@ -156,6 +156,9 @@ class RigidTies:
 
     With r = T q, where q are the nodes that do not follow, gradients become T' g (`gather`) and corrections T z
     (`spread`): so conjugate gradient works on T' A T, and preconditioners on T P T', symmetric and positive definite.
+    They treat every body by itself, but the diagonal blocks of nodes that follow hang on those that they follow
+    (`hang`): without, a light ring that a curtain hangs on needs hundreds of iterations. Pinning the nodes that follow
+    in P was tried too: 12 instead of 20 iterations for rings, 29 instead of 18 for two sheets that share an edge.
 
     Args:
         state: The body whose nodes follow.
@@ -186,6 +189,12 @@ class RigidTies:
         lists = (side.nodes, side.starts, side.tie_of, side.shares)
         self._launch("gather", len(side.nodes), *lists, self._follower.places, a, b)
         self._launch("clear", len(self._follower.places), self._follower.places, a)
+
+    def hang(self, blocks: wp.array, other_blocks: wp.array) -> None:
+        """Add blocks of the nodes that follow to those that they follow, arrays of shape (6, rows, columns)."""
+        side = self._followed
+        lists = (side.nodes, side.starts, side.tie_of, side.shares)
+        self._launch("hang_blocks", len(side.nodes), *lists, self._follower.places, blocks, other_blocks)
 
     def _launch(self, name: str, dim: int, *inputs: Any) -> None:
         if dim:

@@ -22,8 +22,8 @@ COARSEST_NODES = 12
 
 
 @dataclass
-class CoarseBody:
-    """What there is of a body on a coarse grid; attributes as in :class:`~warpdeform.forces.force.GridArrays`."""
+class GridBody:
+    """What there is of a body on a grid; attributes as in :class:`~warpdeform.forces.force.GridArrays`."""
 
     layout: Layout
     real: Any
@@ -119,7 +119,7 @@ class Level:
 
         coarse_mass = transfer.gather(mass)
         free = upload(np.ones(layout.nodes))
-        arrays = CoarseBody(layout, body.real, body.lane_width, body.device, upload(coarse_mass), free)
+        arrays = GridBody(layout, body.real, body.lane_width, body.device, upload(coarse_mass), free)
         terms = [coarse for _, coarse in self._pairs]
         operator = GridOperator(arrays, self._operator.inertia, zeros(6) if self._stiff else None, terms)
         coarse_lengths = tuple(length * grown for length, grown in zip(lengths, growth, strict=True))

@@ -6,16 +6,60 @@ from typing import Any
 import warp as wp
 
 from warpdeform.forces.coupling import Coupling
-from warpdeform.forces.force import Force, GridArrays, GridTerm
+from warpdeform.forces.force import Coarsening, CoarseTerm, Force, GridArrays, GridTerm
 from warpdeform.forces.parameters import Parameters
 from warpdeform.forces.ties import RigidTies
 from warpdeform.kernels.krylov import krylov
-from warpdeform.kernels.products import products
-from warpdeform.launching import launch_in_bands, launch_lanes
+from warpdeform.kernels.products import Gathering, products
+from warpdeform.launching import RowStruct, launch_in_bands, launch_lanes
 from warpdeform.state import State
 
 Terms = Sequence[Sequence[Force]]
 """The terms of each body."""
+
+
+class Hanging:
+    """What hangs rigidly on a body: its diagonal blocks, and nothing of the product, which ties find on their own.
+
+    Args:
+        ties: The ties.
+        follower: A of the body whose nodes follow.
+    """
+
+    sample_nodes = 0
+    gathering: Gathering | None = None
+    angled = False
+
+    def __init__(self, ties: RigidTies, follower: "GridOperator") -> None:
+        body = follower.body
+        self._ties, self._follower = ties, follower
+        shape = (6, body.layout.rows, body.layout.columns)
+        self._blocks: wp.array = wp.zeros(shape, dtype=body.real, device=body.device)
+        self.fluxes = RowStruct(None, {})
+
+    def bytes(self) -> int:
+        """Device memory [bytes]."""
+        return int(self._blocks.capacity)
+
+    def coarser(self, transfer: Coarsening) -> None:
+        """Coarse grids do without it."""
+
+    def coarsen(self, transfer: Coarsening, coarse: CoarseTerm) -> None:
+        """Nothing to carry."""
+
+    def write_fluxes(self, body: GridArrays, direction: wp.array) -> None:
+        """It has none."""
+
+    def write_band(self, body: GridArrays, band: wp.array) -> None:
+        """It has none."""
+
+    def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
+        """Nothing: the product of the follower is gathered."""
+
+    def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
+        """Add the blocks of the nodes that follow."""
+        self._follower.write_diagonal(self._blocks)
+        self._ties.hang(self._blocks, blocks)
 
 
 class GridOperator:
@@ -114,6 +158,9 @@ class LinearOperator:
             blocks = state.model.zeros(6) if needed else None
             elastic = [term for term in own if term.elastic]
             self.grids.append(GridOperator(state, self.inertia(state), blocks, elastic))
+        for ties in self.rigid:
+            follower, followed = (self.grids[self.states.index(state)] for state in ties.states)
+            followed.terms = (*followed.terms, Hanging(ties, follower))
 
     def inertia(self, state: State) -> wp.array:
         """1 / tau^2 [1/s2] on the device, shape (1,)."""

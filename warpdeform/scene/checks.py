@@ -203,12 +203,37 @@ def spring_steel(simulation: Simulation, history: History) -> list[Claim]:
     ]
 
 
+def coiled_cord(simulation: Simulation, history: History) -> list[Claim]:
+    """It bounces about where a close-coiled spring hangs under its own weight, as slowly, and loses its swing."""
+    bottom = np.array([frame[-1, 0, 2] for frame in history.positions["cord"]])
+    # k = G d^4 / (64 n R^3); a spring of mass m sags by m g / 2k and oscillates with sqrt(k/m) / 4.
+    stiffness = 4e7 / 2.9 * 0.003**4 / (64.0 * 15.0 * 0.015**3)
+    mass = float(simulation["cord"].model.node_mass.sum())
+    sag, period = mass * 9.81 / (2.0 * stiffness), 4.0 * np.sqrt(mass / stiffness)
+    last = bottom[history.after(3.0 - 2.0 * period) :]
+    return [
+        _pins_still(history, simulation),
+        _stretch(simulation, 1.01),
+        Claim("mean sag of its end over that of a spring", float(bottom[0] - last.mean()) / sag, 0.9, 1.1),
+        Claim("its period over that of a spring", _period(bottom, simulation.settings.fps) / period, 0.85, 1.1),
+        Claim("its last swing over its first", float(np.ptp(last) / np.ptp(bottom)), 0.3, 0.9),
+    ]
+
+
+def _period(height: Array, fps: float) -> float:
+    """Mean time between the turns through the mean, twice [s]."""
+    above = height > height.mean()
+    turns = np.flatnonzero(above[1:] != above[:-1])
+    return 2.0 * float(np.diff(turns).mean()) / fps
+
+
 def _fallen(frames: list[Array]) -> float:
     """How far below its start the lowest node of all frames is [m]."""
     return float(frames[0][..., 2].min() - min(frame[..., 2].min() for frame in frames))
 
 
 CHECKS: dict[str, Check] = {
-    check.__name__: check for check in (hanging, flag, carpet, bunny, materials, lifted_patch, spring_steel)
+    check.__name__: check
+    for check in (hanging, flag, carpet, bunny, materials, lifted_patch, spring_steel, coiled_cord)
 }
 """The check of each packaged scene, by the scene's name."""
