@@ -1,0 +1,141 @@
+"""Diagonal blocks of the projected Hessian of elastic solids, for preconditioners.
+
+Compiled only where a preconditioner asks for them. Formulas and coefficients are those of
+:mod:`warpdeform.kernels.solid`. Moving a corner of a cell changes the three edges and the three face diagonals that end
+there, a of them, by -a.dr: their modes are all the same vector, so the block of a cell is a 6 x 6 law between the six.
+"""
+
+import functools
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from warpdeform.kernels.lanes import kernel_module, lanes
+from warpdeform.kernels.solid_geometry import solid_geometry
+
+
+@functools.cache
+def solid_blocks(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
+    """Kernel ``block_nodes``; arguments as for :func:`warpdeform.kernels.solid.solid`."""
+    words, shape = lanes(width, real), solid_geometry(width, real, orthogonal)
+    L, V = words.L, words.V
+    load1, load3, add6 = words.load1, words.load3, words.add6
+    scale, mul, at_least, splat = words.scale, words.mul, words.at_least, words.splat
+    isotropic, symmetric = words.isotropic, words.symmetric
+    mean_stress = shape.mean_stress
+    zero, one, two, bend = real(0.0), real(1.0), real(2.0), real(2.0 + 1.0 / 3.0)
+    module = kernel_module("solid_blocks_" + ("orthogonal" if orthogonal else "general"), width, real)
+
+    @wp.func
+    def edge_weights(t: wp.array3d(dtype=real), ai: int, bi: int, i: int, j: int, cj: int):
+        """t of the three edges of a corner, which begin at the rows ai, bi and the column cj, or at (i, j)."""
+        if wp.static(orthogonal):
+            return splat(one), splat(one), splat(one)
+        else:
+            return load1(t, 0, ai, j), load1(t, 1, bi, j), load1(t, 2, i, cj)
+
+    @wp.func
+    def corner_stress(
+        share: wp.array3d(dtype=real), K: wp.array3d(dtype=real), ratio: real, each: int, i: int, j: int,
+        t1: L, t2: L, t3: L, e1: L, e2: L, e3: L, c12: L, c13: L, c23: L,
+    ):  # fmt: skip
+        """Stresses of the edges and faces at a corner of the cell (i, j) whose strains are these and no others.
+
+        t1, t2, t3 are t of the edges.
+        """
+        ii, jj = i * each, j * each
+        if wp.static(orthogonal):
+            h = load1(share, 0, i, j)
+            s1, s2, s3, s12, s13, s23 = mean_stress(K, ratio, ii, jj, e1, e2, e3, c12, c13, c23)
+            return (
+                mul(h, s1 + mul(two * load1(K, 6, ii, jj) + load1(K, 9, ii, jj), e1)),
+                mul(h, s2 + mul(two * load1(K, 7, ii, jj) + load1(K, 10, ii, jj), e2)),
+                mul(h, s3 + mul(two * load1(K, 8, ii, jj) + load1(K, 11, ii, jj), e3)),
+                mul(h, s12 + mul(load1(K, 15, ii, jj), c12)),
+                mul(h, s13 + mul(load1(K, 16, ii, jj), c13)),
+                mul(h, s23 + mul(load1(K, 17, ii, jj), c23)),
+            )
+        else:
+            f1, f2, f3 = mul(t1, e1), mul(t2, e2), mul(t3, e3)
+            n12, n13, n23 = load1(K, 6, ii, jj), load1(K, 7, ii, jj), load1(K, 8, ii, jj)
+            g12, g13, g23 = mul(n12, c12), mul(n13, c13), mul(n23, c23)
+            s1, s2, s3, s12, s13, s23 = mean_stress(K, ratio, ii, jj, f1, f2, f3, g12, g13, g23)
+            k = bend * load1(K, 12, ii, jj)
+            return (
+                mul(t1, s1 + mul(k, f1)),
+                mul(t2, s2 + mul(k, f2)),
+                mul(t3, s3 + mul(k, f3)),
+                mul(n12, s12 + mul(load1(K, 9, ii, jj), g12)),
+                mul(n13, s13 + mul(load1(K, 10, ii, jj), g13)),
+                mul(n23, s23 + mul(load1(K, 11, ii, jj), g23)),
+            )
+
+    @wp.func
+    def corner_block(
+        r: wp.array3d(dtype=real), share: wp.array3d(dtype=real), K: wp.array3d(dtype=real), t: wp.array3d(dtype=real),
+        ratio: real, each: int, i: int, j: int, u: int, a: int, b: int, c: int,
+    ):  # fmt: skip
+        """Block of a node of the cell on its side a, b, c along u, v, w: 1 where the cell lies ahead, -1 behind."""
+        ui = u * a
+        r0 = load3(r, 0, i, j)
+        a1, a2, a3 = load3(r, 0, i + ui, j) - r0, load3(r, 0, i + b, j) - r0, load3(r, 0, i, j + c) - r0
+        # The diagonal D of a face where both steps go the same way, else E, which counts as its negative.
+        d12 = real(a * b) * (load3(r, 0, i + ui + b, j) - r0)
+        d13 = real(a * c) * (load3(r, 0, i + ui, j + c) - r0)
+        d23 = real(b * c) * (load3(r, 0, i + b, j + c) - r0)
+        back_u, back_v, back_w = (a - 1) // 2, (b - 1) // 2, (c - 1) // 2
+        ci, cj = i + u * back_u + back_v, j + back_w
+        t1, t2, t3 = edge_weights(t, i + u * back_u, i + back_v, i, j, cj)
+        x1, x2, x3, x12, x13, x23 = corner_stress(
+            share, K, ratio, each, ci, cj, t1, t2, t3, a1[0], a2[0], a3[0], d12[0], d13[0], d23[0]
+        )
+        y1, y2, y3, y12, y13, y23 = corner_stress(
+            share, K, ratio, each, ci, cj, t1, t2, t3, a1[1], a2[1], a3[1], d12[1], d13[1], d23[1]
+        )
+        z1, z2, z3, z12, z13, z23 = corner_stress(
+            share, K, ratio, each, ci, cj, t1, t2, t3, a1[2], a2[2], a3[2], d12[2], d13[2], d23[2]
+        )
+        return symmetric(
+            scale(x1, a1) + scale(x2, a2) + scale(x3, a3) + (scale(x12, d12) + scale(x13, d13) + scale(x23, d23)),
+            scale(y1, a1) + scale(y2, a2) + scale(y3, a3) + (scale(y12, d12) + scale(y13, d13) + scale(y23, d23)),
+            scale(z1, a1) + scale(z2, a2) + scale(z3, a3) + (scale(z12, d12) + scale(z13, d13) + scale(z23, d23)),
+        )
+
+    @wp.func
+    def edge_tension(s: wp.array3d(dtype=real), c: int, i: int, j: int, ai: int, aj: int):
+        """Of both edges along an axis."""
+        return at_least(load1(s, c, i, j), zero) + at_least(load1(s, c, i - ai, j - aj), zero)
+
+    @wp.func
+    def face_tension(s: wp.array3d(dtype=real), c: int, i: int, j: int, ai: int, aj: int, bi: int, bj: int):
+        """Of the four faces spanned by two axes: of D of two, of E of two others."""
+        d = at_least(load1(s, c, i, j), zero) + at_least(load1(s, c, i - ai - bi, j - aj - bj), zero)
+        return d + (at_least(-load1(s, c, i - ai, j - aj), zero) + at_least(-load1(s, c, i - bi, j - bj), zero))
+
+    @wp.kernel(module=module)
+    def block_nodes(
+        first: int,
+        u: int,
+        r: wp.array3d(dtype=real),
+        share: wp.array3d(dtype=real),
+        K: wp.array3d(dtype=real),
+        t: wp.array3d(dtype=real),
+        ratio: real,
+        each: int,
+        s: wp.array3d(dtype=real),
+        blocks_out: wp.array3d(dtype=real),
+    ):
+        ii, group = wp.tid()
+        i, j = ii + first, (group + 1) * width
+        tension = edge_tension(s, 0, i, j, u, 0) + edge_tension(s, 1, i, j, 1, 0) + edge_tension(s, 2, i, j, 0, 1)
+        tension = tension + face_tension(s, 3, i, j, u, 0, 1, 0)
+        tension = tension + face_tension(s, 4, i, j, u, 0, 0, 1) + face_tension(s, 5, i, j, 1, 0, 0, 1)
+        block = isotropic(tension)
+        for a in range(-1, 2, 2):
+            for b in range(-1, 2, 2):
+                block = block + corner_block(r, share, K, t, ratio, each, i, j, u, a, b, -1)
+                block = block + corner_block(r, share, K, t, ratio, each, i, j, u, a, b, 1)
+        add6(blocks_out, 0, i, j, block)
+
+    return SimpleNamespace(module=module, block_nodes=block_nodes)

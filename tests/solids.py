@@ -1,0 +1,357 @@
+"""Solids for tests: shapes, materials, deformed states, and the discrete energy of design 1.3 written in NumPy.
+
+The oracle knows nothing of the kernels: no springs, no K, no fluxes. Its energy is the formula of the design, cell by
+cell from edges and faces; derivatives of it are taken by complex steps, which are exact to round-off.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+from surfaces import dot, noise, turned
+
+from warpdeform.forces.force import Force
+from warpdeform.forces.solid_elasticity import SolidElasticity
+from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.material import Material, PaperSolidWeights
+
+Array = NDArray[Any]
+Nodes = tuple[int, int, int]
+
+GRIDS = [(2, 2, 2), (2, 3, 5), (4, 2, 3), (5, 6, 17), (3, 4, 16)]
+AXES = (0, 1, 2)
+PAIRS = ((0, 1), (0, 2), (1, 2))
+OFFSETS = tuple(product((0, 1), repeat=2))
+
+MATERIALS = {
+    "soft": Material(density=1000.0, youngs_modulus=1e5, poisson_ratio=0.3),
+    "rubber": Material(density=1000.0, youngs_modulus=1e5, poisson_ratio=0.49),
+    "paper": Material(density=1000.0, eta=(5e4, 3e4, 4e4, 2e4, 1e4, 3e4)),
+}
+
+
+@dataclass(frozen=True)
+class Block:
+    """A rest shape.
+
+    Attributes:
+        positions: Rest positions [m], shape (nu, nv, nw, 3).
+        spacing: Parameter spacings.
+    """
+
+    positions: Array
+    spacing: tuple[float, float, float]
+
+    @property
+    def nodes(self) -> Nodes:
+        return self.positions.shape[0], self.positions.shape[1], self.positions.shape[2]
+
+    @property
+    def grid(self) -> ParameterGrid:
+        return ParameterGrid(self.nodes, self.spacing)
+
+
+def solid_map(function: Callable[..., Array], nodes: Nodes, extent: tuple[tuple[float, float], ...]) -> Block:
+    """An analytic map of the parameters, sampled at the nodes."""
+    along = [np.linspace(low, high, n) for (low, high), n in zip(extent, nodes, strict=True)]
+    spacing = [(high - low) / (n - 1) for (low, high), n in zip(extent, nodes, strict=True)]
+    u, v, w = np.meshgrid(*along, indexing="ij")
+    return Block(np.asarray(function(u, v, w)), (spacing[0], spacing[1], spacing[2]))
+
+
+def box(nodes: Nodes, size: tuple[float, float, float] = (1.0, 0.7, 0.9)) -> Block:
+    return solid_map(lambda *a: np.stack(a, -1), nodes, tuple((0.0, s) for s in size))
+
+
+def graded(nodes: Nodes) -> Block:
+    """Boxes of different sizes."""
+    return solid_map(lambda u, v, w: np.stack([u + 0.3 * u**2, v - 0.2 * v**2, w**1.3], -1), nodes, ((0.0, 1.0),) * 3)
+
+
+def leaning(nodes: Nodes) -> Block:
+    """A parallelepiped without a right angle."""
+    lean = np.array([[1.0, 0.0, 0.0], [0.4, 0.8, 0.0], [-0.3, 0.5, 0.9]])
+    return Block(box(nodes).positions @ lean, box(nodes).spacing)
+
+
+def thick_cylinder(nodes: Nodes) -> Block:
+    """A sector of it: rho, theta, z, as in the worked examples."""
+    return solid_map(
+        lambda rho, theta, z: np.stack([rho * np.cos(theta), rho * np.sin(theta), z], -1),
+        nodes, ((0.5, 0.9), (0.2, 1.0), (0.0, 0.6)),
+    )  # fmt: skip
+
+
+def bent(nodes: Nodes) -> Block:
+    """A block without a straight line in it, left-handed."""
+
+    def wavy(u: Array, v: Array, w: Array) -> Array:
+        return np.stack([v + 0.1 * np.sin(2 * w), u + 0.15 * v * w, w + 0.1 * np.sin(3 * u) * np.cos(2 * v)], -1)
+
+    return solid_map(wavy, nodes, ((0.0, 1.0), (0.0, 0.7), (0.0, 0.9)))
+
+
+SHAPES: dict[str, Callable[[Nodes], Block]] = {
+    "box": box,
+    "graded": graded,
+    "leaning": leaning,
+    "cylinder": thick_cylinder,
+    "bent": bent,
+}
+CASES = [(shape, "soft") for shape in SHAPES] + [("box", "paper"), ("bent", "paper"), ("bent", "rubber")]
+
+
+def crumpled(rest: Array) -> Array:
+    """Every node displaced by a fifth of the spacing."""
+    return rest + noise(rest, 0.2)
+
+
+def stretched(rest: Array) -> Array:
+    """Longer by 40 % one way, shorter by 20 % another, sheared, turned, and not quite even."""
+    F = np.array([[1.4, 0.25, 0.0], [0.1, 0.8, 0.2], [0.2, 0.0, 1.1]])
+    return turned(rest @ F.T, (1, 2, 3), 0.7) + noise(rest, 0.03)
+
+
+def squashed(rest: Array) -> Array:
+    """Pressed together, more on one side than on the other."""
+    r = rest - rest.mean((0, 1, 2))
+    return r * [0.7, 0.8, 0.6] + 0.3 * r[..., :1] * r * [0.0, 1.0, 1.0] + noise(rest, 0.05)
+
+
+STATES: dict[str, Callable[[Array], Array]] = {"crumpled": crumpled, "stretched": stretched, "squashed": squashed}
+
+
+class Term:
+    """A term of one solid, with NumPy arrays of shape (nu, nv, nw, ...) going in and coming out."""
+
+    def __init__(
+        self, rest: Block, material: Material, real: Any = wp.float64, lane_width: int = 1, kind: Any = SolidElasticity
+    ) -> None:
+        self.real, self.nodes, self.rest = real, rest.nodes, rest.positions
+        self.layout = Layout(rest.nodes, lane_width)
+        self.force: Force = kind(rest.grid, self.layout, rest.positions, material, real, "cpu")
+
+    def upload(self, values: Array) -> wp.array:
+        return wp.array(self.layout.pack(values), dtype=self.real, device="cpu")
+
+    def download(self, array: wp.array) -> Array:
+        return self.layout.unpack(array.numpy())
+
+    def energy(self, z: Array) -> float:
+        partials = wp.zeros((self.layout.rows, self.layout.columns), dtype=wp.float64, device="cpu")
+        self.force.add_energy(None, self.upload(z), partials)  # type: ignore[arg-type]
+        return float(partials.numpy().sum())
+
+    def linearise(self, z: Array) -> None:
+        self.position = self.upload(z)
+        self.force.linearise(None, self.position)  # type: ignore[arg-type]
+
+    def gradient(self, z: Array) -> Array:
+        self.linearise(z)
+        out = self.upload(np.zeros_like(z))
+        self.force.add_gradient(None, self.position, out)  # type: ignore[arg-type]
+        return self.download(out)
+
+    def product(self, p: Array) -> Array:
+        """Hessian at the last linearised state times p."""
+        out = self.upload(np.zeros_like(p))
+        self.force.add_hessian_product(None, self.upload(p), out)  # type: ignore[arg-type]
+        return self.download(out)
+
+    def blocks(self) -> Array:
+        """Diagonal blocks at the last linearised state, shape (nu, nv, nw, 3, 3)."""
+        out = self.upload(np.zeros((*self.nodes, 6)))
+        self.force.add_block_diagonal(None, out)  # type: ignore[arg-type]
+        return self.download(out)[..., [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(*self.nodes, 3, 3)
+
+    def dense(self) -> Array:
+        """The Hessian at the last linearised state, shape (3 n, 3 n)."""
+        size = 3 * int(np.prod(self.nodes))
+        return np.array([self.product(p.reshape(*self.nodes, 3)).ravel() for p in np.eye(size)]).T
+
+
+def around(samples: Array, axis: int) -> Array:
+    """The four edges along an axis of each cell, shape (*cells, 2, 2, ...)."""
+    others = [k for k in AXES if k != axis]
+    cells = [n - (k != axis) for k, n in enumerate(samples.shape[:3])]
+    found = []
+    for offsets in OFFSETS:
+        start = [0, 0, 0]
+        for k, at in zip(others, offsets, strict=True):
+            start[k] = at
+        found.append(samples[tuple(slice(a, a + n) for a, n in zip(start, cells, strict=True))])
+    stacked = np.stack(found, axis=3)
+    return stacked.reshape(*cells, 2, 2, *samples.shape[3:])
+
+
+def on_faces(edges: Array, axis: int, other: int) -> Array:
+    """Mean edges along an axis of the faces that it spans with another one."""
+    low = np.take(edges, range(edges.shape[other] - 1), axis=other)
+    high = np.take(edges, range(1, edges.shape[other]), axis=other)
+    return (low + high) / 2
+
+
+def edge_squares(r: Array) -> list[Array]:
+    """Squared lengths of the edges along each axis."""
+    return [dot(e, e) for e in (np.diff(r, axis=axis) for axis in AXES)]
+
+
+def face_products(r: Array) -> list[Array]:
+    """m_i.m_j of the faces of each orientation."""
+    edges = [np.diff(r, axis=axis) for axis in AXES]
+    return [dot(on_faces(edges[i], i, j), on_faces(edges[j], j, i)) for i, j in PAIRS]
+
+
+def two_faces(samples: Array, i: int, j: int) -> Array:
+    """Both faces of an orientation of each cell, shape (*cells, 2)."""
+    k = 3 - i - j
+    n = samples.shape[k]
+    return np.stack([np.take(samples, range(n - 1), axis=k), np.take(samples, range(1, n), axis=k)], axis=-1)
+
+
+def cell_numbers(r: Array) -> Array:
+    """Per cell twelve squared lengths of edges and six m_i.m_j of faces, shape (*cells, 18)."""
+    edges = [around(s, axis).reshape(*(n - 1 for n in r.shape[:3]), 4) for axis, s in enumerate(edge_squares(r))]
+    faces = [two_faces(c, i, j) for (i, j), c in zip(PAIRS, face_products(r), strict=True)]
+    return np.concatenate([*edges, *faces], axis=-1)
+
+
+def mean_edges(r: Array) -> Array:
+    """m_i of the cells, shape (*cells, 3 axes, 3)."""
+    return np.stack([around(np.diff(r, axis=axis), axis).mean(axis=(3, 4)) for axis in AXES], axis=-2)
+
+
+Law = Callable[[Array], Array]
+"""Energy of each cell from the change of its eighteen numbers since rest."""
+
+
+def hooke(rest: Array, youngs_modulus: float, nu: float) -> Law:
+    """Design 1.3, right angles and skewed charts alike."""
+    m = mean_edges(rest)
+    G = np.einsum("...ia,...ja->...ij", m, m)
+    inverse, volume = np.linalg.inv(G), np.abs(np.linalg.det(m))
+    squares, mu = cell_numbers(rest)[..., :12], youngs_modulus / (2 * (1 + nu))
+    lame = 2 * mu * nu / (1 - 2 * nu)
+
+    def law(change: Array) -> Array:
+        a = (change[..., :12] / squares / 2).reshape(*change.shape[:-1], 3, 2, 2)
+        c = change[..., 12:].reshape(*change.shape[:-1], 3, 2) / 2
+        E = np.zeros((*change.shape[:-1], 3, 3), dtype=change.dtype)
+        density = np.zeros(change.shape[:-1], dtype=change.dtype)
+        for axis in AXES:
+            E[..., axis, axis] = G[..., axis, axis] * a[..., axis, :, :].mean(axis=(-2, -1))
+            first = (a[..., axis, 1, :] - a[..., axis, 0, :]).sum(axis=-1) / 4
+            second = (a[..., axis, :, 1] - a[..., axis, :, 0]).sum(axis=-1) / 4
+            cross = (a[..., axis, 1, 1] - a[..., axis, 0, 1] - a[..., axis, 1, 0] + a[..., axis, 0, 0]) / 4
+            density += youngs_modulus / 2 * ((first**2 + second**2) / 3 + cross**2 / 9)
+        for n, (i, j) in enumerate(PAIRS):
+            E[..., i, j] = E[..., j, i] = c[..., n, :].mean(axis=-1)
+            difference = (c[..., n, 1] - c[..., n, 0]) / 2
+            density += 2 * mu / 3 * difference**2 / (G[..., i, i] * G[..., j, j] + G[..., i, j] ** 2 * (1 - nu) / (1 + nu))
+        mixed = np.einsum("...ik,...kj->...ij", inverse, E)
+        trace = np.einsum("...ii->...", mixed)
+        density += lame / 2 * trace**2 + mu * np.einsum("...ij,...ji->...", mixed, mixed)
+        return np.asarray(volume * density)
+
+    return law
+
+
+def paper_law(spacing: tuple[float, ...], weights: PaperSolidWeights) -> Law:
+    """The paper's sum of eta_ij/4 (G_ij - G0_ij)^2, G_ii on edges, G_ij on faces."""
+    h = np.array(spacing)
+
+    def law(change: Array) -> Array:
+        total = np.zeros(change.shape[:-1], dtype=change.dtype)
+        for axis in AXES:
+            G = change[..., 4 * axis : 4 * axis + 4] / h[axis] ** 2
+            total += weights.eta[axis] / 4 * np.mean(G**2, axis=-1)
+        for n, (i, j) in enumerate(PAIRS):
+            G = change[..., 12 + 2 * n : 14 + 2 * n] / (h[i] * h[j])
+            total += 2 * weights.eta[3 + n] / 4 * np.mean(G**2, axis=-1)
+        return np.asarray(np.prod(h) * total)
+
+    return law
+
+
+@dataclass
+class DiscreteEnergy:
+    """An energy of the cells' numbers.
+
+    Attributes:
+        rest: Rest positions, shape (*nodes, 3).
+        law: Energy of each cell, quadratic.
+    """
+
+    rest: Array
+    law: Law
+
+    def energy(self, r: Array) -> Any:
+        return self.law(cell_numbers(r) - cell_numbers(self.rest)).sum()
+
+    def slope(self, r: Array, p: Array) -> float:
+        """Derivative of the energy at r along p, by a complex step."""
+        return float(self.energy(r + 1e-30j * p).imag * 1e30)
+
+    def gradient(self, r: Array) -> Array:
+        return np.array([self.slope(r, p.reshape(r.shape)) for p in np.eye(r.size)]).reshape(r.shape)
+
+    def projected_hessian(self, r: Array) -> Array:
+        """Design 2.1, dense: J' K J, plus what of the stresses of edges and face diagonals is tension."""
+        number = cell_numbers(r) - cell_numbers(self.rest)
+        e, zero = np.eye(18), self.law(0 * number)
+        single = [self.law(e[a] + 0 * number) - zero for a in range(18)]
+        pairs = [[self.law(e[a] + e[b] + 0 * number) - single[a] - single[b] - zero for b in range(18)] for a in range(18)]
+        K = np.moveaxis(np.array(pairs), (0, 1), (-2, -1))
+        J = np.array([cell_numbers(r + 1e-30j * p.reshape(r.shape)).imag for p in np.eye(r.size)]) * 1e30
+        H = np.einsum("pijka,ijkab,qijkb->pq", J, K, J, optimize=True)
+        return np.asarray(H + self._tensions(np.einsum("...ab,...b->...a", K, number)))
+
+    def _tensions(self, stress: Array) -> Array:
+        """Edges and faces sum over their cells; face stress S m_i.m_j is (S/4)(|D|^2 - |E|^2)."""
+        index = np.arange(self.rest[..., 0].size).reshape(self.rest.shape[:3])
+        form = np.zeros((index.size, index.size))
+
+        def add(ends: Array, weight: Array) -> None:
+            for (a, b), w in zip(ends.reshape(-1, 2), np.ravel(weight), strict=True):
+                form[a, a] += w
+                form[b, b] += w
+                form[a, b] -= w
+                form[b, a] -= w
+
+        for axis in AXES:
+            ends = np.stack([np.take(index, range(index.shape[axis] - 1), axis), np.take(index, range(1, index.shape[axis]), axis)], -1)
+            total = np.zeros(ends.shape[:3])
+            cells = around(ends, axis).reshape(*stress.shape[:3], 4, 2)
+            for edge in range(4):
+                lower = cells[..., edge, 0]
+                np.add.at(total, _places(lower, self.rest.shape), 2 * stress[..., 4 * axis + edge])
+            add(ends, np.maximum(total, 0))
+        for n, (i, j) in enumerate(PAIRS):
+            shape = [m - (k in (i, j)) for k, m in enumerate(index.shape)]
+            step = np.zeros((2, 3), dtype=int)
+            step[0, i] = step[1, j] = 1
+            corner = [index[tuple(slice(a, a + m) for a, m in zip(at, shape, strict=True))]
+                      for at in ((0, 0, 0), step[0], step[1], step[0] + step[1])]  # fmt: skip
+            total = np.zeros(shape)
+            lower = two_faces(corner[0], i, j)
+            for face in range(2):
+                np.add.at(total, _places(lower[..., face], self.rest.shape), stress[..., 12 + 2 * n + face])
+            add(np.stack([corner[0], corner[3]], -1), np.maximum(total, 0) / 2)
+            add(np.stack([corner[1], corner[2]], -1), np.maximum(-total, 0) / 2)
+        return np.kron(form, np.eye(3))
+
+
+def _places(nodes: Array, shape: tuple[int, ...]) -> tuple[Array, ...]:
+    return np.unravel_index(nodes, shape[:3])
+
+
+def design_energy(shape: Block, material: Material) -> DiscreteEnergy:
+    """Design 1.3 for a material."""
+    weights = material.solid()
+    if isinstance(weights, PaperSolidWeights):
+        return DiscreteEnergy(shape.positions, paper_law(shape.spacing, weights))
+    return DiscreteEnergy(shape.positions, hooke(shape.positions, weights.youngs_modulus, weights.poisson_ratio))

@@ -1,0 +1,228 @@
+"""What the solid kernels multiply strains with: material, chart and cell volume (design 1.3).
+
+All lengths are undivided differences of the rest shape, so that parameter spacings enter only with the paper's weights.
+Strains are relative to the rest lengths of the edges, one by one. Their means over a cell are those of the tensor E_ij
+over the cell's mean edges m_i, and go through its metric Gh_ij = m_i.m_j; with L_i = |m_i| and g^ij = L_i L_j Gh^ij
+
+    W/V = lambda/2 (g^ij e_ij)^2 + mu g^ik g^jl e_ij e_kl,      e_ij = E_ij / (L_i L_j)
+
+Modes within a cell stay out of it: slopes of extension cost what they cost in uniaxial stress, E/2, and differences of
+shear what shear stress alone costs, 2 mu / (1 + cos^2 (1 - nu)/(1 + nu)) where the mean edges meet at an angle. So
+cells that lean bend and twist as upright ones do.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warpdeform.errors import InputError, Mistake
+from warpdeform.grid import ParameterGrid
+from warpdeform.material import PaperSolidWeights, SolidCoefficients
+
+Array = NDArray[np.float64]
+
+BOX = 1e-6
+"""Cells are boxes if the lengths and angles of their edges are those of a box to within this fraction.
+
+The coefficients of the orthogonal variant are then as exact; rest lengths are measured one by one all the same.
+"""
+PAIRS = ((0, 1), (0, 2), (1, 2))
+"""Axes of the shears, in the order 12, 13, 23."""
+
+
+@dataclass(frozen=True)
+class SolidStiffness:
+    """Coefficients of the discrete energy of one solid.
+
+    Attributes:
+        orthogonal: The law is diagonal but for the mean extensions: cells are boxes, or have the paper's weights.
+        cells: K per cell, shape (*cells, 18 or 13), or of all cells alike, shape (18,). Orthogonal: of the sums of
+            extensions 11, 12, 13, 22, 23, 33; of slopes and of cross modes along each axis; of sums and of differences
+            of shears. Else: h = sqrt(2 mu V) g, six entries; 1/(8 L_i L_j); of differences of shears; of slopes.
+        edges: t of the edges that begin at each node, along u, v, w: a quarter of 1/|e0|^2, zero where there is none,
+            shape (*nodes, 3); None if orthogonal.
+        ratio: lambda / (2 mu); 0 if orthogonal.
+        share: 1 in every cell, shape (*cells).
+        cell_volume: Rest volumes by mean edges [m3], shape (*cells).
+        node_volume: Trapezoid shares of the rest volume [m3], shape (*nodes).
+    """
+
+    orthogonal: bool
+    cells: Array
+    edges: Array | None
+    ratio: float
+    share: Array
+    cell_volume: Array
+    node_volume: Array
+
+    @property
+    def uniform(self) -> bool:
+        """All cells have the same K."""
+        return self.cells.ndim == 1
+
+
+def solid_stiffness(
+    grid: ParameterGrid,
+    rest: Array,
+    material: SolidCoefficients | PaperSolidWeights,
+    like: SolidStiffness | None = None,
+) -> SolidStiffness:
+    """Coefficients of a solid from its rest shape and material.
+
+    Args:
+        grid: Parameter grid.
+        rest: Rest positions [m], shape (*nodes, 3).
+        material: Physical constants, or the paper's weights.
+        like: Take the variant that is taken there, leaving out what does not fit; None takes what is needed.
+
+    Raises:
+        InputError: A cell has no volume, an edge has no length, or a cell is turned inside out.
+    """
+    chart = RestCells(grid, rest)
+    if isinstance(material, PaperSolidWeights):
+        orthogonal, cells, edges, ratio = True, _paper_law(grid, material), None, 0.0
+    else:
+        orthogonal = like.orthogonal if like else chart.boxes
+        mu = material.youngs_modulus / (2.0 * (1.0 + material.poisson_ratio))
+        if orthogonal:
+            cells, edges, ratio = _box_law(chart, material, mu), None, 0.0
+        else:
+            cells, ratio = _chart_law(chart, material, mu), material.poisson_ratio / (1.0 - 2.0 * material.poisson_ratio)
+            edges = np.stack([chart.edge_weights(axis) for axis in range(3)], axis=-1)
+    return SolidStiffness(
+        orthogonal=orthogonal,
+        cells=cells,
+        edges=edges,
+        ratio=ratio,
+        share=np.ones(grid.cells),
+        cell_volume=chart.volume,
+        node_volume=grid.cells_to_nodes(chart.volume),
+    )
+
+
+class RestCells:
+    """Rest cells: mean edges, lengths of all edges, volume.
+
+    Args:
+        grid: Parameter grid.
+        rest: Rest positions [m], shape (*nodes, 3).
+
+    Attributes:
+        mean: Mean edges m_i, shape (*cells, 3 axes, 3).
+        signed_volume: m1.(m2 x m3) [m3], shape (*cells).
+        volume: Its magnitude.
+
+    Raises:
+        InputError: A cell has no volume, an edge has no length, or a cell is turned inside out.
+    """
+
+    def __init__(self, grid: ParameterGrid, rest: Array) -> None:
+        self._nodes = grid.nodes
+        closed = rest
+        for axis, wraps in enumerate(grid.periodic):
+            if wraps:
+                closed = np.concatenate([closed, np.take(closed, [0], axis=axis)], axis=axis)
+        edges = [np.diff(closed, axis=axis) for axis in range(3)]
+        self._squares = [np.sum(e**2, axis=-1) for e in edges]
+        self.mean = np.stack([_mean_over_cell(e, axis) for axis, e in enumerate(edges)], axis=-2)
+        self.metric = np.einsum("...ia,...ja->...ij", self.mean, self.mean)
+        self.lengths = np.sqrt(np.einsum("...ii->...i", self.metric))
+        self.signed_volume = np.linalg.det(self.mean)
+        self.volume = np.abs(self.signed_volume)
+        self._refuse(np.min([s.min() for s in self._squares]) <= 0.0)
+
+    def _refuse(self, no_length: bool) -> None:
+        flat = self.volume <= 1e-6 * np.prod(self.lengths, axis=-1)
+        if no_length and not flat.any():
+            axis = next(axis for axis in range(3) if self._squares[axis].min() <= 0.0)
+            node = np.argwhere(self._squares[axis] <= 0.0)[0].tolist()
+            problem, remedy = f"has an edge along {'uvw'[axis]} without length", "Give a rest shape without poles."
+            raise InputError(Mistake("shape", node, problem, remedy))
+        if flat.any():
+            remedy = "Give a rest shape whose cells are hexahedra."
+            raise InputError(Mistake("shape", np.argwhere(flat)[0].tolist(), "has a cell without volume", remedy))
+        inside_out = self.signed_volume * np.sum(self.signed_volume) < 0.0
+        if inside_out.any():
+            cell, remedy = np.argwhere(inside_out)[0].tolist(), "Give a rest shape that does not fold over."
+            raise InputError(Mistake("shape", cell, "has a cell that is turned inside out", remedy))
+
+    @property
+    def boxes(self) -> bool:
+        """Every cell is a rectangular box."""
+        for axis, squares in enumerate(self._squares):
+            alike = np.square(self.lengths[..., axis])
+            if any(np.abs(s - alike).max() > BOX * alike.max() for s in _around_cell(squares, axis)):
+                return False
+        return bool(max(np.abs(self.cosine(i, j)).max() for i, j in PAIRS) <= BOX)
+
+    def cosine(self, i: int, j: int) -> Array:
+        """Of the angle between two mean edges, shape (*cells)."""
+        return np.asarray(self.metric[..., i, j] / (self.lengths[..., i] * self.lengths[..., j]))
+
+    def edge_weights(self, axis: int) -> Array:
+        """1/(4 |e0|^2) of the edges along an axis that begin at each node, 0 where there is none, shape (*nodes)."""
+        weights = np.zeros(self._nodes)
+        squares = self._squares[axis][tuple(slice(n) for n in self._nodes)]
+        weights[tuple(slice(n) for n in squares.shape)] = 0.25 / squares
+        return weights
+
+
+def _around_cell(edges: Array, axis: int) -> list[Array]:
+    """The four edges along an axis of each cell, shape (*cells, ...) each."""
+    cells = []
+    for offsets in product((0, 1), repeat=2):
+        at = list(offsets)
+        at.insert(axis, 0)
+        ends = [n if k == axis else n - 1 for k, n in enumerate(edges.shape[:3])]
+        cells.append(edges[tuple(slice(a, a + n) for a, n in zip(at, ends, strict=True))])
+    return cells
+
+
+def _mean_over_cell(edges: Array, axis: int) -> Array:
+    return np.asarray(sum(_around_cell(edges, axis)) / 4.0)
+
+
+def _box_law(chart: RestCells, material: SolidCoefficients, mu: float) -> Array:
+    """K where all edges of a cell along an axis have one length: sums are four or two times the means."""
+    nu = material.poisson_ratio
+    lame = 2.0 * mu * nu / (1.0 - 2.0 * nu)
+    squares, volume = np.square(chart.lengths), chart.volume
+
+    def over(i: int, j: int, parts: float) -> Array:
+        return np.asarray(volume / (parts * squares[..., i] * squares[..., j]))
+
+    sums = [
+        (lame + (2.0 * mu if i == j else 0.0)) * over(i, j, 16.0)
+        for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+    ]
+    slopes = [material.youngs_modulus / 3.0 * over(i, i, 16.0) for i in range(3)]
+    shears = [mu * over(i, j, 16.0) for i, j in PAIRS]
+    K = np.stack([*sums, *slopes, *(k / 3.0 for k in slopes), *shears, *(k / 3.0 for k in shears)], axis=-1)
+    mean = K.reshape(-1, 18).mean(axis=0)
+    return mean if np.all(np.abs(K - mean) <= 10.0 * BOX * np.abs(mean)) else K
+
+
+def _chart_law(chart: RestCells, material: SolidCoefficients, mu: float) -> Array:
+    """K of Hooke's law in a chart; edges count by t q, faces by q / (8 L_i L_j)."""
+    nu = material.poisson_ratio
+    scale = chart.lengths[..., :, None] * chart.lengths[..., None, :]
+    h = np.sqrt(2.0 * mu * chart.volume)[..., None, None] * scale * np.linalg.inv(chart.metric)
+    faces = [1.0 / (8.0 * scale[..., i, j]) for i, j in PAIRS]
+    differences = [
+        4.0 / 3.0 * mu * chart.volume / (1.0 + chart.cosine(i, j) ** 2 * (1.0 - nu) / (1.0 + nu)) for i, j in PAIRS
+    ]
+    slopes = material.youngs_modulus / 3.0 * chart.volume
+    entries = [h[..., i, j] for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
+    return np.stack([*entries, *faces, *differences, slopes], axis=-1)
+
+
+def _paper_law(grid: ParameterGrid, weights: PaperSolidWeights) -> Array:
+    """K of eta_ij/4 (G_ij - G0_ij)^2 integrated over the parameters: eta_ii on edges, eta_ij on faces, all modes alike."""
+    h = np.array(grid.spacing)
+    volume = float(np.prod(h))
+    along = [volume * weights.eta[i] / (8.0 * h[i] ** 4) for i in range(3)]
+    shears = [volume * weights.eta[3 + n] / (16.0 * (h[i] * h[j]) ** 2) for n, (i, j) in enumerate(PAIRS)]
+    sums = [along[0], 0.0, 0.0, along[1], 0.0, along[2]]
+    return np.array([*sums, *along, *along, *shears, *shears])
