@@ -113,7 +113,8 @@ def solid(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         share: wp.array3d(dtype=real),
         K: wp.array3d(dtype=real),
         t: wp.array3d(dtype=real),
-        ratio: real,
+        space: real,
+        plane: real,
         each: int,
         mean_out: wp.array3d(dtype=real),
         flux_out: wp.array3d(dtype=real),
@@ -126,7 +127,7 @@ def solid(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         (
             su00, su10, su01, su11, sv00, sv10, sv01, sv11, sw00, sw10, sw01, sw11, suv0, suv1, suw0, suw1, svw0, svw1,
         ) = stress(
-            share, K, t, ratio, each, i, j, u,
+            share, K, t, space, plane, each, i, j, u,
             u00, u10, u01, u11, v00, v10, v01, v11, w00, w10, w01, w11, uv0, uv1, uw0, uw1, vw0, vw1,
         )  # fmt: skip
         store_stress(
@@ -149,7 +150,8 @@ def solid(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         share: wp.array3d(dtype=real),
         K: wp.array3d(dtype=real),
         t: wp.array3d(dtype=real),
-        ratio: real,
+        space: real,
+        plane: real,
         each: int,
         p: wp.array3d(dtype=real),
         flux_out: wp.array3d(dtype=real),
@@ -162,7 +164,7 @@ def solid(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         (
             su00, su10, su01, su11, sv00, sv10, sv01, sv11, sw00, sw10, sw01, sw11, suv0, suv1, suw0, suw1, svw0, svw1,
         ) = stress(
-            share, K, t, ratio, each, i, j, u,
+            share, K, t, space, plane, each, i, j, u,
             u00, u10, u01, u11, v00, v10, v01, v11, w00, w10, w01, w11, uv0, uv1, uw0, uw1, vw0, vw1,
         )  # fmt: skip
         store_stress(
@@ -179,7 +181,8 @@ def solid(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         share: wp.array3d(dtype=real),
         K: wp.array3d(dtype=real),
         t: wp.array3d(dtype=real),
-        ratio: real,
+        space: real,
+        plane: real,
         each: int,
         partials_out: wp.array2d(dtype=wp.float64),
     ):
@@ -191,7 +194,7 @@ def solid(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         (
             su00, su10, su01, su11, sv00, sv10, sv01, sv11, sw00, sw10, sw01, sw11, suv0, suv1, suw0, suw1, svw0, svw1,
         ) = stress(
-            share, K, t, ratio, each, i, j, u,
+            share, K, t, space, plane, each, i, j, u,
             u00, u10, u01, u11, v00, v10, v01, v11, w00, w10, w01, w11, uv0, uv1, uw0, uw1, vw0, vw1,
         )  # fmt: skip
         e = (mul(su00, u00) + mul(su10, u10)) + (mul(su01, u01) + mul(su11, u11))

@@ -21,60 +21,52 @@ def solid_blocks(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
     words, shape = lanes(width, real), solid_geometry(width, real, orthogonal)
     L, V = words.L, words.V
     load1, load3, add6 = words.load1, words.load3, words.add6
-    scale, mul, at_least, splat = words.scale, words.mul, words.at_least, words.splat
+    scale, mul, at_least = words.scale, words.mul, words.at_least
     isotropic, symmetric = words.isotropic, words.symmetric
-    mean_stress = shape.mean_stress
-    zero, one, two, bend = real(0.0), real(1.0), real(2.0), real(2.0 + 1.0 / 3.0)
+    mean_stress, plane_stress, cross_stress = shape.mean_stress, shape.plane_stress, shape.cross_stress
+    face_weights, back = shape.face_weights, shape.back
+    zero = real(0.0)
     module = kernel_module("solid_blocks_" + ("orthogonal" if orthogonal else "general"), width, real)
 
     @wp.func
-    def edge_weights(t: wp.array3d(dtype=real), ai: int, bi: int, i: int, j: int, cj: int):
-        """t of the three edges of a corner, which begin at the rows ai, bi and the column cj, or at (i, j)."""
+    def edge_weights(
+        share: wp.array3d(dtype=real), t: wp.array3d(dtype=real), ci: int, cj: int, i: int, j: int, ai: int, bi: int
+    ):  # fmt: skip
+        """What q of the three edges at a corner of the cell (ci, cj) is multiplied with.
+
+        They begin at row ai, at row bi and at column cj, or at the node (i, j).
+        """
         if wp.static(orthogonal):
-            return splat(one), splat(one), splat(one)
+            h = load1(share, 0, ci, cj)
+            return h, h, h
         else:
             return load1(t, 0, ai, j), load1(t, 1, bi, j), load1(t, 2, i, cj)
 
     @wp.func
     def corner_stress(
-        share: wp.array3d(dtype=real), K: wp.array3d(dtype=real), ratio: real, each: int, i: int, j: int,
-        t1: L, t2: L, t3: L, e1: L, e2: L, e3: L, c12: L, c13: L, c23: L,
+        K: wp.array3d(dtype=real), space: real, plane: real, i: int, j: int,
+        t1: L, t2: L, t3: L, n12: L, n13: L, n23: L, q1: L, q2: L, q3: L, q12: L, q13: L, q23: L,
     ):  # fmt: skip
-        """Stresses of the edges and faces at a corner of the cell (i, j) whose strains are these and no others.
-
-        t1, t2, t3 are t of the edges.
-        """
-        ii, jj = i * each, j * each
-        if wp.static(orthogonal):
-            h = load1(share, 0, i, j)
-            s1, s2, s3, s12, s13, s23 = mean_stress(K, ratio, ii, jj, e1, e2, e3, c12, c13, c23)
-            return (
-                mul(h, s1 + mul(two * load1(K, 6, ii, jj) + load1(K, 9, ii, jj), e1)),
-                mul(h, s2 + mul(two * load1(K, 7, ii, jj) + load1(K, 10, ii, jj), e2)),
-                mul(h, s3 + mul(two * load1(K, 8, ii, jj) + load1(K, 11, ii, jj), e3)),
-                mul(h, s12 + mul(load1(K, 15, ii, jj), c12)),
-                mul(h, s13 + mul(load1(K, 16, ii, jj), c13)),
-                mul(h, s23 + mul(load1(K, 17, ii, jj), c23)),
-            )
-        else:
-            f1, f2, f3 = mul(t1, e1), mul(t2, e2), mul(t3, e3)
-            n12, n13, n23 = load1(K, 6, ii, jj), load1(K, 7, ii, jj), load1(K, 8, ii, jj)
-            g12, g13, g23 = mul(n12, c12), mul(n13, c13), mul(n23, c23)
-            s1, s2, s3, s12, s13, s23 = mean_stress(K, ratio, ii, jj, f1, f2, f3, g12, g13, g23)
-            k = bend * load1(K, 12, ii, jj)
-            return (
-                mul(t1, s1 + mul(k, f1)),
-                mul(t2, s2 + mul(k, f2)),
-                mul(t3, s3 + mul(k, f3)),
-                mul(n12, s12 + mul(load1(K, 9, ii, jj), g12)),
-                mul(n13, s13 + mul(load1(K, 10, ii, jj), g13)),
-                mul(n23, s23 + mul(load1(K, 11, ii, jj), g23)),
-            )
+        """Stresses of the edges and faces at a corner of a cell where q is this and of all others zero."""
+        e1, e2, e3 = mul(t1, q1), mul(t2, q2), mul(t3, q3)
+        c12, c13, c23 = mul(n12, q12), mul(n13, q13), mul(n23, q23)
+        s1, s2, s3, s12, s13, s23 = mean_stress(K, space, i, j, e1, e2, e3, c12, c13, c23)
+        a1, a2, a12 = plane_stress(K, plane, i, j, 0, 1, 0, e1, e2, c12)
+        b1, b3, b13 = plane_stress(K, plane, i, j, 0, 2, 1, e1, e3, c13)
+        c2, c3, d23 = plane_stress(K, plane, i, j, 1, 2, 2, e2, e3, c23)
+        return (
+            back(t1, (s1 + cross_stress(K, 0, i, j, e1)) + (a1 + b1)),
+            back(t2, (s2 + cross_stress(K, 1, i, j, e2)) + (a2 + c2)),
+            back(t3, (s3 + cross_stress(K, 2, i, j, e3)) + (b3 + c3)),
+            back(n12, s12 + a12),
+            back(n13, s13 + b13),
+            back(n23, s23 + d23),
+        )
 
     @wp.func
     def corner_block(
         r: wp.array3d(dtype=real), share: wp.array3d(dtype=real), K: wp.array3d(dtype=real), t: wp.array3d(dtype=real),
-        ratio: real, each: int, i: int, j: int, u: int, a: int, b: int, c: int,
+        space: real, plane: real, each: int, i: int, j: int, u: int, a: int, b: int, c: int,
     ):  # fmt: skip
         """Block of a node of the cell on its side a, b, c along u, v, w: 1 where the cell lies ahead, -1 behind."""
         ui = u * a
@@ -86,15 +78,17 @@ def solid_blocks(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         d23 = real(b * c) * (load3(r, 0, i + b, j + c) - r0)
         back_u, back_v, back_w = (a - 1) // 2, (b - 1) // 2, (c - 1) // 2
         ci, cj = i + u * back_u + back_v, j + back_w
-        t1, t2, t3 = edge_weights(t, i + u * back_u, i + back_v, i, j, cj)
+        ii, jj = ci * each, cj * each
+        t1, t2, t3 = edge_weights(share, t, ci, cj, i, j, i + u * back_u, i + back_v)
+        n12, n13, n23 = face_weights(share, K, ci, cj, ii, jj)
         x1, x2, x3, x12, x13, x23 = corner_stress(
-            share, K, ratio, each, ci, cj, t1, t2, t3, a1[0], a2[0], a3[0], d12[0], d13[0], d23[0]
+            K, space, plane, ii, jj, t1, t2, t3, n12, n13, n23, a1[0], a2[0], a3[0], d12[0], d13[0], d23[0]
         )
         y1, y2, y3, y12, y13, y23 = corner_stress(
-            share, K, ratio, each, ci, cj, t1, t2, t3, a1[1], a2[1], a3[1], d12[1], d13[1], d23[1]
+            K, space, plane, ii, jj, t1, t2, t3, n12, n13, n23, a1[1], a2[1], a3[1], d12[1], d13[1], d23[1]
         )
         z1, z2, z3, z12, z13, z23 = corner_stress(
-            share, K, ratio, each, ci, cj, t1, t2, t3, a1[2], a2[2], a3[2], d12[2], d13[2], d23[2]
+            K, space, plane, ii, jj, t1, t2, t3, n12, n13, n23, a1[2], a2[2], a3[2], d12[2], d13[2], d23[2]
         )
         return symmetric(
             scale(x1, a1) + scale(x2, a2) + scale(x3, a3) + (scale(x12, d12) + scale(x13, d13) + scale(x23, d23)),
@@ -121,7 +115,8 @@ def solid_blocks(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         share: wp.array3d(dtype=real),
         K: wp.array3d(dtype=real),
         t: wp.array3d(dtype=real),
-        ratio: real,
+        space: real,
+        plane: real,
         each: int,
         s: wp.array3d(dtype=real),
         blocks_out: wp.array3d(dtype=real),
@@ -134,8 +129,8 @@ def solid_blocks(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         block = isotropic(tension)
         for a in range(-1, 2, 2):
             for b in range(-1, 2, 2):
-                block = block + corner_block(r, share, K, t, ratio, each, i, j, u, a, b, -1)
-                block = block + corner_block(r, share, K, t, ratio, each, i, j, u, a, b, 1)
+                block = block + corner_block(r, share, K, t, space, plane, each, i, j, u, a, b, -1)
+                block = block + corner_block(r, share, K, t, space, plane, each, i, j, u, a, b, 1)
         add6(blocks_out, 0, i, j, block)
 
     return SimpleNamespace(module=module, block_nodes=block_nodes)

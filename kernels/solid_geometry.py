@@ -19,13 +19,13 @@ def solid_geometry(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
     Args:
         width: Lane width.
         real: ``wp.float32`` or ``wp.float64``.
-        orthogonal: The law is diagonal but for the mean extensions (eighteen coefficients); else it is Hooke's in a
-            chart (thirteen per cell, three per node, and `ratio`).
+        orthogonal: K has twenty-one entries, which multiply q as it is; else it has sixteen, those of Hooke's law in a
+            chart, and edges count by t q.
     """
     words = lanes(width, real)
     L, V = words.L, words.V
     load1, load3, dot3, mul = words.load1, words.load3, words.dot3, words.mul
-    third, half, two = real(1.0 / 3.0), real(0.5), real(2.0)
+    half, two = real(0.5), real(2.0)
 
     @wp.func
     def along(r0: V, r1: V, p0: V, p1: V):
@@ -109,7 +109,43 @@ def solid_geometry(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         return low - less, low + less, high - more, high + more
 
     @wp.func
-    def mean_stress(K: wp.array3d(dtype=real), ratio: real, i: int, j: int, e1: L, e2: L, e3: L, c12: L, c13: L, c23: L):
+    def edge_weights(
+        share: wp.array3d(dtype=real), t: wp.array3d(dtype=real),
+        axis: int, i: int, j: int, bi: int, bj: int, ci: int, cj: int,
+    ):  # fmt: skip
+        """What q of the four edges along an axis is multiplied with; the other axes have the steps b and c."""
+        if wp.static(orthogonal):
+            h = load1(share, 0, i, j)
+            return h, h, h, h
+        else:
+            return (
+                load1(t, axis, i, j),
+                load1(t, axis, i + bi, j + bj),
+                load1(t, axis, i + ci, j + cj),
+                load1(t, axis, i + bi + ci, j + bj + cj),
+            )
+
+    @wp.func
+    def face_weights(share: wp.array3d(dtype=real), K: wp.array3d(dtype=real), i: int, j: int, ii: int, jj: int):
+        """The same for the faces 12, 13, 23; (ii, jj) is where K is."""
+        if wp.static(orthogonal):
+            h = load1(share, 0, i, j)
+            return h, h, h
+        else:
+            return load1(K, 6, ii, jj), load1(K, 7, ii, jj), load1(K, 8, ii, jj)
+
+    @wp.func
+    def back(weight: L, stress: L):
+        """The stress that belongs to q; K of the orthogonal variant gives it right away."""
+        if wp.static(orthogonal):
+            return stress
+        else:
+            return mul(weight, stress)
+
+    @wp.func
+    def mean_stress(
+        K: wp.array3d(dtype=real), space: real, i: int, j: int, e1: L, e2: L, e3: L, c12: L, c13: L, c23: L
+    ):
         """Stresses of the sums of extensions and of shears."""
         if wp.static(orthogonal):
             k12, k13, k23 = load1(K, 1, i, j), load1(K, 2, i, j), load1(K, 4, i, j)
@@ -117,78 +153,102 @@ def solid_geometry(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
                 mul(load1(K, 0, i, j), e1) + mul(k12, e2) + mul(k13, e3),
                 mul(k12, e1) + mul(load1(K, 3, i, j), e2) + mul(k23, e3),
                 mul(k13, e1) + mul(k23, e2) + mul(load1(K, 5, i, j), e3),
-                mul(load1(K, 12, i, j), c12),
-                mul(load1(K, 13, i, j), c13),
-                mul(load1(K, 14, i, j), c23),
+                mul(load1(K, 15, i, j), c12),
+                mul(load1(K, 16, i, j), c13),
+                mul(load1(K, 17, i, j), c23),
             )
         else:
-            # ratio (h : e) h + h e h, h the inverse metric times a factor.
+            # s = space (h : e) h + h e h, where h is the inverse metric times a factor; a = h e + space (h : e).
             h11, h12, h13 = load1(K, 0, i, j), load1(K, 1, i, j), load1(K, 2, i, j)
             h22, h23, h33 = load1(K, 3, i, j), load1(K, 4, i, j), load1(K, 5, i, j)
-            a11, a12 = mul(h11, e1) + mul(h12, c12) + mul(h13, c13), mul(h11, c12) + mul(h12, e2) + mul(h13, c23)
-            a13, a21 = mul(h11, c13) + mul(h12, c23) + mul(h13, e3), mul(h12, e1) + mul(h22, c12) + mul(h23, c13)
-            a22, a23 = mul(h12, c12) + mul(h22, e2) + mul(h23, c23), mul(h12, c13) + mul(h22, c23) + mul(h23, e3)
+            a12, a13 = mul(h11, c12) + mul(h12, e2) + mul(h13, c23), mul(h11, c13) + mul(h12, c23) + mul(h13, e3)
+            a21, a23 = mul(h12, e1) + mul(h22, c12) + mul(h23, c13), mul(h12, c13) + mul(h22, c23) + mul(h23, e3)
             a31, a32 = mul(h13, e1) + mul(h23, c12) + mul(h33, c13), mul(h13, c12) + mul(h23, e2) + mul(h33, c23)
-            a33 = mul(h13, c13) + mul(h23, c23) + mul(h33, e3)
-            pressure = ratio * (a11 + a22 + a33)
+            b11, b22 = mul(h11, e1) + mul(h12, c12) + mul(h13, c13), mul(h12, c12) + mul(h22, e2) + mul(h23, c23)
+            b33 = mul(h13, c13) + mul(h23, c23) + mul(h33, e3)
+            pressure = space * (b11 + b22 + b33)
+            a11, a22, a33 = b11 + pressure, b22 + pressure, b33 + pressure
             return (
-                mul(a11 + pressure, h11) + mul(a12, h12) + mul(a13, h13),
-                mul(a21, h12) + mul(a22 + pressure, h22) + mul(a23, h23),
-                mul(a31, h13) + mul(a32, h23) + mul(a33 + pressure, h33),
-                two * (mul(a11 + pressure, h12) + mul(a12, h22) + mul(a13, h23)),
-                two * (mul(a11 + pressure, h13) + mul(a12, h23) + mul(a13, h33)),
-                two * (mul(a21, h13) + mul(a22 + pressure, h23) + mul(a23, h33)),
+                mul(a11, h11) + mul(a12, h12) + mul(a13, h13),
+                mul(a21, h12) + mul(a22, h22) + mul(a23, h23),
+                mul(a31, h13) + mul(a32, h23) + mul(a33, h33),
+                two * (mul(a11, h12) + mul(a12, h22) + mul(a13, h23)),
+                two * (mul(a11, h13) + mul(a12, h23) + mul(a13, h33)),
+                two * (mul(a21, h13) + mul(a22, h23) + mul(a23, h33)),
             )
 
     @wp.func
+    def plane_stress(
+        K: wp.array3d(dtype=real), plane: real, i: int, j: int, first: int, second: int, pair: int, e1: L, e2: L, c: L
+    ):  # fmt: skip
+        """Stresses of what varies along one axis, of the strains of the two others: `pair` is their number among 12,
+        13, 23, `first` and `second` are they themselves."""
+        if wp.static(orthogonal):
+            k12 = load1(K, 9 + pair, i, j)
+            return (
+                mul(load1(K, 6 + first, i, j), e1) + mul(k12, e2),
+                mul(k12, e1) + mul(load1(K, 6 + second, i, j), e2),
+                mul(load1(K, 18 + pair, i, j), c),
+            )
+        else:
+            # The same law as `mean_stress`, in two dimensions and with the metric (1, cosine; cosine, 1).
+            cosine, m = load1(K, 9 + pair, i, j), load1(K, 12 + pair, i, j)
+            a12, a21 = mul(m, c - mul(cosine, e2)), mul(m, c - mul(cosine, e1))
+            b11, b22 = mul(m, e1 - mul(cosine, c)), mul(m, e2 - mul(cosine, c))
+            pressure = plane * (b11 + b22)
+            a11, a22 = b11 + pressure, b22 + pressure
+            return a11 - mul(cosine, a12), a22 - mul(cosine, a21), two * (a12 - mul(cosine, a11))
+
+    @wp.func
+    def cross_stress(K: wp.array3d(dtype=real), axis: int, i: int, j: int, x: L):
+        """Stress of the cross mode of the edges along an axis."""
+        if wp.static(orthogonal):
+            return mul(load1(K, 12 + axis, i, j), x)
+        else:
+            return mul(load1(K, 15, i, j), x)
+
+    @wp.func
     def stress(
-        share: wp.array3d(dtype=real), K: wp.array3d(dtype=real), t: wp.array3d(dtype=real), ratio: real, each: int,
-        i: int, j: int, u: int,
+        share: wp.array3d(dtype=real), K: wp.array3d(dtype=real), t: wp.array3d(dtype=real),
+        space: real, plane: real, each: int, i: int, j: int, u: int,
         u00: L, u10: L, u01: L, u11: L, v00: L, v10: L, v01: L, v11: L, w00: L, w10: L, w01: L, w11: L,
         uv0: L, uv1: L, uw0: L, uw1: L, vw0: L, vw1: L,
     ):  # fmt: skip
         """Stresses of the edges and faces of a cell; `each` is 1 where cells have coefficients of their own, else 0."""
         ii, jj = i * each, j * each
-        if wp.static(orthogonal):
-            h = load1(share, 0, i, j)
-            e1, b12, b13, x1 = modes(mul(h, u00), mul(h, u10), mul(h, u01), mul(h, u11))
-            e2, b21, b23, x2 = modes(mul(h, v00), mul(h, v10), mul(h, v01), mul(h, v11))
-            e3, b31, b32, x3 = modes(mul(h, w00), mul(h, w10), mul(h, w01), mul(h, w11))
-            c12, c13, c23 = mul(h, uv0 + uv1), mul(h, uw0 + uw1), mul(h, vw0 + vw1)
-            d12, d13, d23 = mul(h, uv1 - uv0), mul(h, uw1 - uw0), mul(h, vw1 - vw0)
-            s1, s2, s3, p12, p13, p23 = mean_stress(K, ratio, ii, jj, e1, e2, e3, c12, c13, c23)
-            k1, k2, k3 = load1(K, 6, ii, jj), load1(K, 7, ii, jj), load1(K, 8, ii, jj)
-            su00, su10, su01, su11 = edges_of_modes(s1, mul(k1, b12), mul(k1, b13), mul(load1(K, 9, ii, jj), x1))
-            sv00, sv10, sv01, sv11 = edges_of_modes(s2, mul(k2, b21), mul(k2, b23), mul(load1(K, 10, ii, jj), x2))
-            sw00, sw10, sw01, sw11 = edges_of_modes(s3, mul(k3, b31), mul(k3, b32), mul(load1(K, 11, ii, jj), x3))
-            q12, q13, q23 = mul(load1(K, 15, ii, jj), d12), mul(load1(K, 16, ii, jj), d13), mul(load1(K, 17, ii, jj), d23)
-            return (
-                su00, su10, su01, su11, sv00, sv10, sv01, sv11, sw00, sw10, sw01, sw11,
-                p12 - q12, p12 + q12, p13 - q13, p13 + q13, p23 - q23, p23 + q23,
-            )  # fmt: skip
-        else:
-            tu00, tu10, tu01, tu11 = load1(t, 0, i, j), load1(t, 0, i + 1, j), load1(t, 0, i, j + 1), load1(t, 0, i + 1, j + 1)
-            tv00, tv10, tv01, tv11 = load1(t, 1, i, j), load1(t, 1, i + u, j), load1(t, 1, i, j + 1), load1(t, 1, i + u, j + 1)
-            tw00, tw10, tw01, tw11 = load1(t, 2, i, j), load1(t, 2, i + u, j), load1(t, 2, i + 1, j), load1(t, 2, i + u + 1, j)
-            n12, n13, n23 = load1(K, 6, ii, jj), load1(K, 7, ii, jj), load1(K, 8, ii, jj)
-            e1, b12, b13, x1 = modes(mul(tu00, u00), mul(tu10, u10), mul(tu01, u01), mul(tu11, u11))
-            e2, b21, b23, x2 = modes(mul(tv00, v00), mul(tv10, v10), mul(tv01, v01), mul(tv11, v11))
-            e3, b31, b32, x3 = modes(mul(tw00, w00), mul(tw10, w10), mul(tw01, w01), mul(tw11, w11))
-            c12, c13, c23 = mul(n12, uv0 + uv1), mul(n13, uw0 + uw1), mul(n23, vw0 + vw1)
-            d12, d13, d23 = mul(n12, uv1 - uv0), mul(n13, uw1 - uw0), mul(n23, vw1 - vw0)
-            s1, s2, s3, p12, p13, p23 = mean_stress(K, ratio, ii, jj, e1, e2, e3, c12, c13, c23)
-            k = load1(K, 12, ii, jj)
-            x = third * k
-            su00, su10, su01, su11 = edges_of_modes(s1, mul(k, b12), mul(k, b13), mul(x, x1))
-            sv00, sv10, sv01, sv11 = edges_of_modes(s2, mul(k, b21), mul(k, b23), mul(x, x2))
-            sw00, sw10, sw01, sw11 = edges_of_modes(s3, mul(k, b31), mul(k, b32), mul(x, x3))
-            q12, q13, q23 = mul(load1(K, 9, ii, jj), d12), mul(load1(K, 10, ii, jj), d13), mul(load1(K, 11, ii, jj), d23)
-            return (
-                mul(tu00, su00), mul(tu10, su10), mul(tu01, su01), mul(tu11, su11),
-                mul(tv00, sv00), mul(tv10, sv10), mul(tv01, sv01), mul(tv11, sv11),
-                mul(tw00, sw00), mul(tw10, sw10), mul(tw01, sw01), mul(tw11, sw11),
-                mul(n12, p12 - q12), mul(n12, p12 + q12), mul(n13, p13 - q13), mul(n13, p13 + q13),
-                mul(n23, p23 - q23), mul(n23, p23 + q23),
-            )  # fmt: skip
+        tu00, tu10, tu01, tu11 = edge_weights(share, t, 0, i, j, 1, 0, 0, 1)
+        tv00, tv10, tv01, tv11 = edge_weights(share, t, 1, i, j, u, 0, 0, 1)
+        tw00, tw10, tw01, tw11 = edge_weights(share, t, 2, i, j, u, 0, 1, 0)
+        n12, n13, n23 = face_weights(share, K, i, j, ii, jj)
+        # Sums, slopes along the two other axes, cross modes; b12 is the slope of e1 along axis 2.
+        e1, b12, b13, x1 = modes(mul(tu00, u00), mul(tu10, u10), mul(tu01, u01), mul(tu11, u11))
+        e2, b21, b23, x2 = modes(mul(tv00, v00), mul(tv10, v10), mul(tv01, v01), mul(tv11, v11))
+        e3, b31, b32, x3 = modes(mul(tw00, w00), mul(tw10, w10), mul(tw01, w01), mul(tw11, w11))
+        c12, d12 = mul(n12, uv0 + uv1), mul(n12, uv1 - uv0)
+        c13, d13 = mul(n13, uw0 + uw1), mul(n13, uw1 - uw0)
+        c23, d23 = mul(n23, vw0 + vw1), mul(n23, vw1 - vw0)
+        s1, s2, s3, s12, s13, s23 = mean_stress(K, space, ii, jj, e1, e2, e3, c12, c13, c23)
+        p13, p23, q12 = plane_stress(K, plane, ii, jj, 0, 1, 0, b13, b23, d12)
+        p12, p32, q13 = plane_stress(K, plane, ii, jj, 0, 2, 1, b12, b32, d13)
+        p21, p31, q23 = plane_stress(K, plane, ii, jj, 1, 2, 2, b21, b31, d23)
+        su00, su10, su01, su11 = edges_of_modes(s1, p12, p13, cross_stress(K, 0, ii, jj, x1))
+        sv00, sv10, sv01, sv11 = edges_of_modes(s2, p21, p23, cross_stress(K, 1, ii, jj, x2))
+        sw00, sw10, sw01, sw11 = edges_of_modes(s3, p31, p32, cross_stress(K, 2, ii, jj, x3))
+        return (
+            back(tu00, su00), back(tu10, su10), back(tu01, su01), back(tu11, su11),
+            back(tv00, sv00), back(tv10, sv10), back(tv01, sv01), back(tv11, sv11),
+            back(tw00, sw00), back(tw10, sw10), back(tw01, sw01), back(tw11, sw11),
+            back(n12, s12 - q12), back(n12, s12 + q12), back(n13, s13 - q13), back(n13, s13 + q13),
+            back(n23, s23 - q23), back(n23, s23 + q23),
+        )  # fmt: skip
 
-    return SimpleNamespace(numbers=numbers, strains=strains, mean_stress=mean_stress, stress=stress)
+    return SimpleNamespace(
+        numbers=numbers,
+        strains=strains,
+        mean_stress=mean_stress,
+        plane_stress=plane_stress,
+        cross_stress=cross_stress,
+        face_weights=face_weights,
+        back=back,
+        stress=stress,
+    )

@@ -235,27 +235,33 @@ def hooke(rest: Array, youngs_modulus: float, nu: float) -> Law:
     G = np.einsum("...ia,...ja->...ij", m, m)
     inverse, volume = np.linalg.inv(G), np.abs(np.linalg.det(m))
     squares, mu = cell_numbers(rest)[..., :12], youngs_modulus / (2 * (1 + nu))
-    lame = 2 * mu * nu / (1 - 2 * nu)
 
     def law(change: Array) -> Array:
         a = (change[..., :12] / squares / 2).reshape(*change.shape[:-1], 3, 2, 2)
-        c = change[..., 12:].reshape(*change.shape[:-1], 3, 2) / 2
+        shears = change[..., 12:].reshape(*change.shape[:-1], 3, 2) / 2
         E = np.zeros((*change.shape[:-1], 3, 3), dtype=change.dtype)
+        slopes = np.zeros((*change.shape[:-1], 3, 3, 3), dtype=change.dtype)  # of E, along each axis
         density = np.zeros(change.shape[:-1], dtype=change.dtype)
         for axis in AXES:
-            E[..., axis, axis] = G[..., axis, axis] * a[..., axis, :, :].mean(axis=(-2, -1))
-            first = (a[..., axis, 1, :] - a[..., axis, 0, :]).sum(axis=-1) / 4
-            second = (a[..., axis, :, 1] - a[..., axis, :, 0]).sum(axis=-1) / 4
-            cross = (a[..., axis, 1, 1] - a[..., axis, 0, 1] - a[..., axis, 1, 0] + a[..., axis, 0, 0]) / 4
-            density += youngs_modulus / 2 * ((first**2 + second**2) / 3 + cross**2 / 9)
+            b, c = (k for k in AXES if k != axis)
+            own, square = a[..., axis, :, :], G[..., axis, axis]
+            E[..., axis, axis] = square * own.mean(axis=(-2, -1))
+            slopes[..., b, axis, axis] = square * (own[..., 1, :] - own[..., 0, :]).sum(axis=-1) / 4
+            slopes[..., c, axis, axis] = square * (own[..., :, 1] - own[..., :, 0]).sum(axis=-1) / 4
+            cross = (own[..., 1, 1] - own[..., 0, 1] - own[..., 1, 0] + own[..., 0, 0]) / 4
+            density += youngs_modulus / 2 * cross**2 / 9
         for n, (i, j) in enumerate(PAIRS):
-            E[..., i, j] = E[..., j, i] = c[..., n, :].mean(axis=-1)
-            difference = (c[..., n, 1] - c[..., n, 0]) / 2
-            density += 2 * mu / 3 * difference**2 / (G[..., i, i] * G[..., j, j] + G[..., i, j] ** 2 * (1 - nu) / (1 + nu))
+            k = 3 - i - j
+            E[..., i, j] = E[..., j, i] = shears[..., n, :].mean(axis=-1)
+            slopes[..., k, i, j] = slopes[..., k, j, i] = (shears[..., n, 1] - shears[..., n, 0]) / 2
+            plane = np.linalg.inv(G[..., [[i], [j]], [i, j]])
+            density += quadratic(plane, slopes[..., k, :, :][..., [[i], [j]], [i, j]], 2 * mu * nu / (1 - nu)) / 3
+        return np.asarray(volume * (density + quadratic(inverse, E, 2 * mu * nu / (1 - 2 * nu))))
+
+    def quadratic(inverse: Array, E: Array, lame: float) -> Array:
         mixed = np.einsum("...ik,...kj->...ij", inverse, E)
         trace = np.einsum("...ii->...", mixed)
-        density += lame / 2 * trace**2 + mu * np.einsum("...ij,...ji->...", mixed, mixed)
-        return np.asarray(volume * density)
+        return np.asarray(lame / 2 * trace**2 + mu * np.einsum("...ij,...ji->...", mixed, mixed))
 
     return law
 

@@ -6,9 +6,11 @@ over the cell's mean edges m_i, and go through its metric Gh_ij = m_i.m_j; with 
 
     W/V = lambda/2 (g^ij e_ij)^2 + mu g^ik g^jl e_ij e_kl,      e_ij = E_ij / (L_i L_j)
 
-Modes within a cell stay out of it: slopes of extension cost what they cost in uniaxial stress, E/2, and differences of
-shear what shear stress alone costs, 2 mu / (1 + cos^2 (1 - nu)/(1 + nu)) where the mean edges meet at an angle. So
-cells that lean bend and twist as upright ones do.
+What varies within a cell stays out of that. Extension and shear in the plane of two axes that vary along the third one
+are in plane stress, as in a plate that bends (two dimensions of the same law, lambda' = 2 mu nu/(1 - nu)), a third of it
+because the mean square of a slope is; cross modes of extension are in uniaxial stress, E/2, a ninth of it. Departs from
+the design, where slopes do not know of each other, E/2 each: a plate of one cell was 9 % soft at nu = 0.3, now it
+bends exactly, beams as before; and cells that lean bend and twist as upright ones do.
 """
 
 from dataclasses import dataclass
@@ -38,12 +40,13 @@ class SolidStiffness:
 
     Attributes:
         orthogonal: The law is diagonal but for the mean extensions: cells are boxes, or have the paper's weights.
-        cells: K per cell, shape (*cells, 18 or 13), or of all cells alike, shape (18,). Orthogonal: of the sums of
-            extensions 11, 12, 13, 22, 23, 33; of slopes and of cross modes along each axis; of sums and of differences
-            of shears. Else: h = sqrt(2 mu V) g, six entries; 1/(8 L_i L_j); of differences of shears; of slopes.
+        cells: K per cell, shape (*cells, 21 or 16), or of all cells alike, shape (21,). Orthogonal: of the sums of
+            extensions 11, 12, 13, 22, 23, 33; of slopes 11, 22, 33, 12, 13, 23; of cross modes 1, 2, 3; of the sums of
+            shears 12, 13, 23, and of their differences. Else: h = sqrt(2 mu V) g; 1/(8 L_i L_j); the cosine between
+            m_i and m_j; 2 mu V/3 over the fourth power of its sine; V E/9.
         edges: t of the edges that begin at each node, along u, v, w: a quarter of 1/|e0|^2, zero where there is none,
             shape (*nodes, 3); None if orthogonal.
-        ratio: lambda / (2 mu); 0 if orthogonal.
+        ratios: lambda / (2 mu) in space and in plane stress; 0 if orthogonal.
         share: 1 in every cell, shape (*cells).
         cell_volume: Rest volumes by mean edges [m3], shape (*cells).
         node_volume: Trapezoid shares of the rest volume [m3], shape (*nodes).
@@ -52,7 +55,7 @@ class SolidStiffness:
     orthogonal: bool
     cells: Array
     edges: Array | None
-    ratio: float
+    ratios: tuple[float, float]
     share: Array
     cell_volume: Array
     node_volume: Array
@@ -82,20 +85,21 @@ def solid_stiffness(
     """
     chart = RestCells(grid, rest)
     if isinstance(material, PaperSolidWeights):
-        orthogonal, cells, edges, ratio = True, _paper_law(grid, material), None, 0.0
+        orthogonal, cells, edges, ratios = True, _paper_law(grid, material), None, (0.0, 0.0)
     else:
         orthogonal = like.orthogonal if like else chart.boxes
-        mu = material.youngs_modulus / (2.0 * (1.0 + material.poisson_ratio))
+        nu = material.poisson_ratio
+        ratios = (nu / (1.0 - 2.0 * nu), nu / (1.0 - nu))
         if orthogonal:
-            cells, edges, ratio = _box_law(chart, material, mu), None, 0.0
+            cells, edges = _box_law(chart, material, ratios), None
         else:
-            cells, ratio = _chart_law(chart, material, mu), material.poisson_ratio / (1.0 - 2.0 * material.poisson_ratio)
+            cells = _chart_law(chart, material)
             edges = np.stack([chart.edge_weights(axis) for axis in range(3)], axis=-1)
     return SolidStiffness(
         orthogonal=orthogonal,
         cells=cells,
         edges=edges,
-        ratio=ratio,
+        ratios=ratios,
         share=np.ones(grid.cells),
         cell_volume=chart.volume,
         node_volume=grid.cells_to_nodes(chart.volume),
@@ -184,38 +188,43 @@ def _mean_over_cell(edges: Array, axis: int) -> Array:
     return np.asarray(sum(_around_cell(edges, axis)) / 4.0)
 
 
-def _box_law(chart: RestCells, material: SolidCoefficients, mu: float) -> Array:
+def _box_law(chart: RestCells, material: SolidCoefficients, ratios: tuple[float, float]) -> Array:
     """K where all edges of a cell along an axis have one length: sums are four or two times the means."""
-    nu = material.poisson_ratio
-    lame = 2.0 * mu * nu / (1.0 - 2.0 * nu)
-    squares, volume = np.square(chart.lengths), chart.volume
+    squares, E = np.square(chart.lengths), material.youngs_modulus
+    mu = _shear_modulus(material)
 
-    def over(i: int, j: int, parts: float) -> Array:
-        return np.asarray(volume / (parts * squares[..., i] * squares[..., j]))
+    def over(i: int, j: int) -> Array:
+        return np.asarray(chart.volume / (16.0 * squares[..., i] * squares[..., j]))
 
+    space, plane = (2.0 * mu * ratio for ratio in ratios)
     sums = [
-        (lame + (2.0 * mu if i == j else 0.0)) * over(i, j, 16.0)
+        (space + (2.0 * mu if i == j else 0.0)) * over(i, j)
         for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
     ]
-    slopes = [material.youngs_modulus / 3.0 * over(i, i, 16.0) for i in range(3)]
-    shears = [mu * over(i, j, 16.0) for i, j in PAIRS]
-    K = np.stack([*sums, *slopes, *(k / 3.0 for k in slopes), *shears, *(k / 3.0 for k in shears)], axis=-1)
-    mean = K.reshape(-1, 18).mean(axis=0)
+    slopes = [(plane + 2.0 * mu) / 3.0 * over(i, i) for i in range(3)]
+    slopes += [plane / 3.0 * over(i, j) for i, j in PAIRS]
+    crosses = [E / 9.0 * over(i, i) for i in range(3)]
+    shears = [mu * over(i, j) for i, j in PAIRS]
+    K = np.stack([*sums, *slopes, *crosses, *shears, *(k / 3.0 for k in shears)], axis=-1)
+    mean = K.reshape(-1, K.shape[-1]).mean(axis=0)
     return mean if np.all(np.abs(K - mean) <= 10.0 * BOX * np.abs(mean)) else K
 
 
-def _chart_law(chart: RestCells, material: SolidCoefficients, mu: float) -> Array:
+def _chart_law(chart: RestCells, material: SolidCoefficients) -> Array:
     """K of Hooke's law in a chart; edges count by t q, faces by q / (8 L_i L_j)."""
-    nu = material.poisson_ratio
+    mu, volume = _shear_modulus(material), chart.volume
     scale = chart.lengths[..., :, None] * chart.lengths[..., None, :]
-    h = np.sqrt(2.0 * mu * chart.volume)[..., None, None] * scale * np.linalg.inv(chart.metric)
-    faces = [1.0 / (8.0 * scale[..., i, j]) for i, j in PAIRS]
-    differences = [
-        4.0 / 3.0 * mu * chart.volume / (1.0 + chart.cosine(i, j) ** 2 * (1.0 - nu) / (1.0 + nu)) for i, j in PAIRS
-    ]
-    slopes = material.youngs_modulus / 3.0 * chart.volume
+    h = np.sqrt(2.0 * mu * volume)[..., None, None] * scale * np.linalg.inv(chart.metric)
+    cosines = [chart.cosine(i, j) for i, j in PAIRS]
     entries = [h[..., i, j] for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))]
-    return np.stack([*entries, *faces, *differences, slopes], axis=-1)
+    entries += [1.0 / (8.0 * scale[..., i, j]) for i, j in PAIRS]
+    entries += cosines
+    entries += [2.0 / 3.0 * mu * volume / (1.0 - cosine**2) ** 2 for cosine in cosines]
+    return np.stack([*entries, material.youngs_modulus / 9.0 * volume], axis=-1)
+
+
+def _shear_modulus(material: SolidCoefficients) -> float:
+    return material.youngs_modulus / (2.0 * (1.0 + material.poisson_ratio))
 
 
 def _paper_law(grid: ParameterGrid, weights: PaperSolidWeights) -> Array:
@@ -225,4 +234,4 @@ def _paper_law(grid: ParameterGrid, weights: PaperSolidWeights) -> Array:
     along = [volume * weights.eta[i] / (8.0 * h[i] ** 4) for i in range(3)]
     shears = [volume * weights.eta[3 + n] / (16.0 * (h[i] * h[j]) ** 2) for n, (i, j) in enumerate(PAIRS)]
     sums = [along[0], 0.0, 0.0, along[1], 0.0, along[2]]
-    return np.array([*sums, *along, *along, *shears, *shears])
+    return np.array([*sums, *along, 0.0, 0.0, 0.0, *along, *shears, *shears])

@@ -59,13 +59,14 @@ class SolidElasticity(Force):
 
         self.share = upload(self.stiffness.share)
         if self.stiffness.uniform:
-            same = np.broadcast_to(self.stiffness.cells[:, None, None], (18, 1, layout.lane_width))
+            same = np.broadcast_to(self.stiffness.cells[:, None, None], (len(self.stiffness.cells), 1, layout.lane_width))
             self.K: wp.array = wp.array(same, dtype=real, device=device)
         else:
             self.K = upload(self.stiffness.cells)
         none: wp.array = wp.zeros((1, 1, 1), dtype=real, device=device)
         self.t = none if self.stiffness.edges is None else upload(self.stiffness.edges)
-        self._law = (self.share, self.K, self.t, real(self.stiffness.ratio), int(not self.stiffness.uniform))
+        ratios = (real(ratio) for ratio in self.stiffness.ratios)
+        self._law = (self.share, self.K, self.t, *ratios, int(not self.stiffness.uniform))
         self.q0 = scratch(kernels.NUMBER_COMPONENTS)
         self.mean = scratch(kernels.NUMBER_COMPONENTS)
         self.stress = scratch(kernels.NUMBER_COMPONENTS)
