@@ -17,7 +17,7 @@ from typing import Any
 import warp as wp
 
 WORDS = frozenset(
-    "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 splat mul div root at_least sum_lanes max_lanes "
+    "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 splat mul div root at_least above sum_lanes max_lanes "
     "dot3 cross3 scale scale6 vector outer symmetric isotropic apply6 inverse6".split()
 )
 NATIVE = {wp.float32: "float", wp.float64: "double"}
@@ -28,12 +28,13 @@ def kernel_module(name: str, width: int, real: Any) -> Any:
 
     Modules are separate so that only what a scene requires is compiled, and none keeps adjoint code. Warp's compiler
     aligns the CPU's stack to 16 bytes; aligned anew, 32-byte spills do not straddle cache lines (products 1.1 to 1.3
-    times as fast).
+    times as fast). It splits vectors of 64 bytes in two unless told otherwise, also where the CPU has them whole
+    (products of surfaces 1.2, of solids 1.3 times as fast).
     """
     module = wp.get_module(f"warpdeform_{name}_{real.__name__}_{width}")
     options: dict[str, Any] = {"enable_backward": False}
     if platform.machine() in ("x86_64", "AMD64"):
-        options["cpu_compiler_flags"] = f"{wp.config.cpu_compiler_flags} -mstackrealign"
+        options["cpu_compiler_flags"] = f"{wp.config.cpu_compiler_flags} -mstackrealign -mprefer-vector-width=512"
     module.options.update(options)
     return module
 
@@ -137,6 +138,11 @@ def _scalar_words(real: Any) -> SimpleNamespace:
     @wp.func
     def at_least(a: real, floor: real):
         return wp.max(a, floor)
+
+    @wp.func
+    def above(a: real, floor: real, x: real, y: real):
+        """x where a is above the floor, else y, also where a is not a number."""
+        return wp.where(a > floor, x, y)
 
     @wp.func
     def sum_lanes(a: real):
@@ -296,6 +302,9 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
 
     @wp.func_native(lane_by_lane("a.c[k] > floor ? a.c[k] : floor"))
     def at_least(a: L, floor: real) -> L: ...
+
+    @wp.func_native(lane_by_lane("a.c[k] > floor ? x.c[k] : y.c[k]"))
+    def above(a: L, floor: real, x: L, y: L) -> L: ...
 
     @wp.func_native(f"double s = 0.0; {each} s += (double)a.c[k]; return s;")
     def sum_lanes(a: L) -> wp.float64: ...

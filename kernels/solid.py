@@ -1,25 +1,25 @@
 """Elastic solids: energy, gradient and Hessian product of cells of twelve edges and six faces (design 1.3).
 
-A cell is a truss. Its strains are differences of squared lengths since rest: of its twelve edges e, and of the two
-diagonals of each of its six faces, for the mean edges of a face have m1.m2 = (|D|^2 - |E|^2)/4 with D = r11 - r00 and
+A cell is a truss. Its strains are differences since rest of squared lengths: of its twelve edges e, and of the two
+diagonals of each of its six faces, for the mean edges of a face have m1.m2 = (|D|^2 - |E|^2)/4, where D = r11 - r00 and
 E = r10 - r01:
 
     q = (|e|^2 - |e0|^2)/2,      q = (|D|^2 - |E|^2 - |D0|^2 + |E0|^2)/2
 
-So every force acts along an edge or a diagonal of a face, and all of them follow from one stress per edge and face: the
-scalar s by which the force on an end is s e, or s D and -s E. The edges of a cell that run the same way are taken as
-modes: their sum, the slopes along the two other axes, and the cross mode; the two faces of an orientation as sum and
-difference. Sums are coupled by Hooke's law, all other modes are on their own, with weights that make the cell bend as a
-beam does and leave it no mode without energy. In the `orthogonal` variant all coefficients, K, multiply q as it is:
-cells that are rectangular boxes, and the paper's weights in any chart. Else K is Hooke's law in a chart, edges count by
-t q, relative to their rest length, and only the sums go through the metric (:mod:`warpdeform.forces.solid_coefficients`).
+So every force acts along an edge or the diagonal of a face, and all of them follow from one stress per edge and face,
+dW/dq = s: the force on an end is s e, or s D and -s E. The four edges along an axis are taken as modes: their sum, the
+slopes along the two other axes, the cross mode; the two faces of an orientation as sum and difference. Sums are coupled
+by Hooke's law in space, slopes and differences along one axis by that of plane stress, cross modes by nothing. The
+coefficients (:mod:`warpdeform.forces.solid_coefficients`) leave no mode without energy and none too stiff: 18 strains
+for 24 - 6 motions. In the `orthogonal` variant K multiplies q as it is: of cells that are rectangular boxes, and of the
+paper's weights in any chart. Else edges count by t q, relative to their rest length, and K has the metric.
 
-Cells write their eighteen stresses, nodes gather them: every edge adds up those of up to four cells, every face those of
-two. A vector per corner of a cell in their place would be 21 numbers instead of 18, and forming it in the basis of mean
-edges and their differences took 1.2 to 1.4 times as long.
+Cells write their eighteen stresses, nodes gather them: an edge adds up those of up to four cells, a face those of two.
+A vector per corner of a cell in their place would be 21 numbers instead of 18; formed in the basis of mean edges and
+their differences it took 1.1 to 1.5 times as long.
 
 The Hessian is projected: Gauss-Newton part exact; of the geometric stiffness the tension of edges, and of faces the
-stress of the diagonal that is in tension; both summed over cells first, so that nothing is clipped that balances.
+stress of that diagonal which is in tension, both summed over cells first, so that nothing is clipped that balances.
 
 Axes: u is `u` rows away, v one row, w one column (:class:`warpdeform.grid.Layout`). Kernels start at row `first`.
 """
@@ -55,7 +55,7 @@ def solid(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
     """
     words, shape = lanes(width, real), solid_geometry(width, real, orthogonal)
     L, V = words.L, words.V
-    load1, load3, store1, store3, add3 = words.load1, words.load3, words.store1, words.store3, words.add3
+    load1, load3, store1, store3 = words.load1, words.load3, words.store1, words.store3
     dot3, scale, mul, at_least, sum_lanes = words.dot3, words.scale, words.mul, words.at_least, words.sum_lanes
     numbers, strains, stress = shape.numbers, shape.strains, shape.stress
     zero, quarter, half = real(0.0), real(0.25), real(0.5)

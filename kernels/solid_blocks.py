@@ -19,7 +19,7 @@ from warpdeform.kernels.solid_geometry import solid_geometry
 def solid_blocks(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
     """Kernel ``block_nodes``; arguments as for :func:`warpdeform.kernels.solid.solid`."""
     words, shape = lanes(width, real), solid_geometry(width, real, orthogonal)
-    L, V = words.L, words.V
+    L = words.L
     load1, load3, add6 = words.load1, words.load3, words.add6
     scale, mul, at_least = words.scale, words.mul, words.at_least
     isotropic, symmetric = words.isotropic, words.symmetric

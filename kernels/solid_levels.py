@@ -1,7 +1,7 @@
 """Stress of an elastic solid on a coarser grid, for multigrid.
 
-Directions are those of the coarse positions (:mod:`warpdeform.kernels.solid`, as on any grid); the stress in the Hessian
-is the mean of the fine one: strains of a coarse grid would be those of another shape.
+Directions are those of the coarse positions (:mod:`warpdeform.kernels.solid`, as on any grid); the stress in the
+Hessian is the mean of the fine one: strains of a coarse grid would be those of another shape.
 """
 
 import functools

@@ -31,6 +31,7 @@ MATERIALS = {
     "soft": Material(density=1000.0, youngs_modulus=1e5, poisson_ratio=0.3),
     "rubber": Material(density=1000.0, youngs_modulus=1e5, poisson_ratio=0.49),
     "paper": Material(density=1000.0, eta=(5e4, 3e4, 4e4, 2e4, 1e4, 3e4)),
+    "barrier": Material(density=1000.0, youngs_modulus=1e5, poisson_ratio=0.3, inversion_barrier=2e4),
 }
 
 
@@ -310,7 +311,9 @@ class DiscreteEnergy:
         number = cell_numbers(r) - cell_numbers(self.rest)
         e, zero = np.eye(18), self.law(0 * number)
         single = [self.law(e[a] + 0 * number) - zero for a in range(18)]
-        pairs = [[self.law(e[a] + e[b] + 0 * number) - single[a] - single[b] - zero for b in range(18)] for a in range(18)]
+        pairs = [
+            [self.law(e[a] + e[b] + 0 * number) - single[a] - single[b] - zero for b in range(18)] for a in range(18)
+        ]
         K = np.moveaxis(np.array(pairs), (0, 1), (-2, -1))
         J = np.array([cell_numbers(r + 1e-30j * p.reshape(r.shape)).imag for p in np.eye(r.size)]) * 1e30
         H = np.einsum("pijka,ijkab,qijkb->pq", J, K, J, optimize=True)
@@ -329,7 +332,10 @@ class DiscreteEnergy:
                 form[b, a] -= w
 
         for axis in AXES:
-            ends = np.stack([np.take(index, range(index.shape[axis] - 1), axis), np.take(index, range(1, index.shape[axis]), axis)], -1)
+            ends = np.stack(
+                [np.take(index, range(index.shape[axis] - 1), axis), np.take(index, range(1, index.shape[axis]), axis)],
+                -1,
+            )
             total = np.zeros(ends.shape[:3])
             cells = around(ends, axis).reshape(*stress.shape[:3], 4, 2)
             for edge in range(4):
@@ -361,3 +367,39 @@ def design_energy(shape: Block, material: Material) -> DiscreteEnergy:
     if isinstance(weights, PaperSolidWeights):
         return DiscreteEnergy(shape.positions, paper_law(shape.spacing, weights))
     return DiscreteEnergy(shape.positions, hooke(shape.positions, weights.youngs_modulus, weights.poisson_ratio))
+
+
+def volume_ratio(r: Array, rest: Array) -> Array:
+    """Signed volumes of the cells over those at rest."""
+    return np.asarray(np.linalg.det(mean_edges(r)) / np.linalg.det(mean_edges(rest)))
+
+
+@dataclass
+class BarrierEnergy:
+    """kappa V (1 - J)^3/J of cells with J < 1.
+
+    Attributes:
+        rest: Rest positions, shape (*nodes, 3).
+        strength: kappa.
+    """
+
+    rest: Array
+    strength: float
+
+    @property
+    def weights(self) -> Array:
+        return np.asarray(self.strength * np.abs(np.linalg.det(mean_edges(self.rest))))
+
+    def energy(self, r: Array) -> Any:
+        J = volume_ratio(r, self.rest)
+        return np.sum(self.weights * np.where(J.real < 1, (1 - J) ** 3 / J, 0))
+
+    def gradient(self, r: Array) -> Array:
+        slopes = [self.energy(r + 1e-30j * p.reshape(r.shape)).imag * 1e30 for p in np.eye(r.size)]
+        return np.array(slopes).reshape(r.shape)
+
+    def projected_hessian(self, r: Array) -> Array:
+        """The Gauss-Newton part."""
+        J = volume_ratio(r, self.rest)
+        G = np.array([volume_ratio(r + 1e-30j * p.reshape(r.shape), self.rest).imag for p in np.eye(r.size)]) * 1e30
+        return np.asarray(np.einsum("pijk,ijk,qijk->pq", G, self.weights * np.where(J < 1, 2 / J**3 - 2, 0), G))

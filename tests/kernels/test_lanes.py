@@ -21,6 +21,7 @@ WIDE = [(real, width) for real in REALS for width in WIDTHS[real]]
 OUTPUTS = {
     "mul": 1, "div": 1, "root": 1, "at_least": 1, "splat": 1, "along_u": 1, "dot3": 1, "cross3": 3, "scale": 3,
     "neighbour": 3, "outer": 6, "symmetric": 6, "isotropic": 6, "scale6": 6, "apply6": 3, "inverse6": 6,
+    "above": 1,
 }  # fmt: skip
 """Words in the order in which the kernel stores their results, with their components."""
 
@@ -39,7 +40,7 @@ def words_kernel(width: int, real: Any) -> Any:
     )
     dot3, cross3, scale, scale6, outer = words.dot3, words.cross3, words.scale, words.scale6, words.outer
     symmetric, isotropic, apply6, inverse6 = words.symmetric, words.isotropic, words.apply6, words.inverse6
-    along_u, sum_lanes, max_lanes = words.along_u, words.sum_lanes, words.max_lanes
+    along_u, above, sum_lanes, max_lanes = words.along_u, words.above, words.sum_lanes, words.max_lanes
     add1, add3, add6 = words.add1, words.add3, words.add6
 
     @wp.kernel(module=kernel_module("words", width, real))
@@ -72,6 +73,7 @@ def words_kernel(width: int, real: Any) -> Any:
         store6(out, 34, i, j, scale6(s, block))
         store3(out, 40, i, j, apply6(block, v))
         store6(out, 43, i, j, inverse6(block))
+        store1(out, 49, i, j, above(s, floor, t, s))
         add1(added_out, 0, i, j, s)
         add3(added_out, 1, i, j, v)
         add6(added_out, 4, i, j, block)
@@ -145,6 +147,7 @@ def test_words_are_what_they_say(real: Any, width: int) -> None:
         "symmetric": np.stack([v[..., 0], w[..., 1], x[..., 2], v[..., 1], v[..., 2], w[..., 2]], -1),
         "isotropic": s[..., None] * [1, 1, 1, 0, 0, 0], "scale6": s[..., None] * block,
         "apply6": np.einsum("...ab,...b->...a", matrix, v), "inverse6": blocks(inverse),
+        "above": np.where(s > 0.25, t, s),
     }  # fmt: skip
     epsilon = np.finfo(wp.dtype_to_numpy(real)).eps
     assert set(expected) == set(OUTPUTS)

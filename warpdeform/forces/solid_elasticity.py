@@ -59,7 +59,7 @@ class SolidElasticity(Force):
 
         self.share = upload(self.stiffness.share)
         if self.stiffness.uniform:
-            same = np.broadcast_to(self.stiffness.cells[:, None, None], (len(self.stiffness.cells), 1, layout.lane_width))
+            same = np.repeat(self.stiffness.cells[:, None, None], layout.lane_width, axis=-1)
             self.K: wp.array = wp.array(same, dtype=real, device=device)
         else:
             self.K = upload(self.stiffness.cells)
