@@ -211,22 +211,21 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
 def dense(real: Any) -> SimpleNamespace:
     """The coarsest grid's matrix: assembled column by column, inverted in place of being factorised, multiplied.
 
-    Unknown 3 n + c is component c of node n, nodes row by row. The inverse takes a few dozen nodes no longer than a
-    factorisation would, and a product with it runs in parallel.
+    Unknown 3 n + c is component c of node n; `places` holds row and column of each node. The inverse takes a few dozen
+    nodes no longer than a factorisation would, and a product with it runs in parallel.
     """
     module = kernel_module("dense", 1, real)
 
     @wp.kernel(module=module)
-    def set_unit(nodes_v: int, halo: int, column: int, d_out: wp.array3d(dtype=real)):
+    def set_unit(places: wp.array2d(dtype=wp.int32), column: int, d_out: wp.array3d(dtype=real)):
         """d = the unit vector of a column."""
         k = wp.tid()
         n = k // 3
-        d_out[k % 3, n // nodes_v + 1, n % nodes_v + halo] = wp.where(k == column, real(1.0), real(0.0))
+        d_out[k % 3, places[n, 0], places[n, 1]] = wp.where(k == column, real(1.0), real(0.0))
 
     @wp.kernel(module=module)
     def store_column(
-        nodes_v: int,
-        halo: int,
+        places: wp.array2d(dtype=wp.int32),
         column: int,
         free: wp.array3d(dtype=real),
         q: wp.array3d(dtype=real),
@@ -235,9 +234,9 @@ def dense(real: Any) -> SimpleNamespace:
         """A column of the matrix; that of the identity at pins."""
         k = wp.tid()
         n, m = k // 3, column // 3
-        free_k = wp.float64(free[0, n // nodes_v + 1, n % nodes_v + halo])
-        free_m = wp.float64(free[0, m // nodes_v + 1, m % nodes_v + halo])
-        entry = free_k * free_m * wp.float64(q[k % 3, n // nodes_v + 1, n % nodes_v + halo])
+        free_k = wp.float64(free[0, places[n, 0], places[n, 1]])
+        free_m = wp.float64(free[0, places[m, 0], places[m, 1]])
+        entry = free_k * free_m * wp.float64(q[k % 3, places[n, 0], places[n, 1]])
         matrix_out[k, column] = entry + wp.where(k == column, wp.float64(1.0) - free_k, wp.float64(0.0))
 
     @wp.kernel(module=module)
@@ -257,21 +256,19 @@ def dense(real: Any) -> SimpleNamespace:
 
     @wp.kernel(module=module)
     def gather_unknowns(
-        nodes_v: int,
-        halo: int,
+        places: wp.array2d(dtype=wp.int32),
         free: wp.array3d(dtype=real),
         r: wp.array3d(dtype=real),
         vector_out: wp.array(dtype=wp.float64),
     ):
         """The component array r as a vector, zero at pins."""
         k = wp.tid()
-        i, j = (k // 3) // nodes_v + 1, (k // 3) % nodes_v + halo
+        i, j = places[k // 3, 0], places[k // 3, 1]
         vector_out[k] = wp.float64(free[0, i, j] * r[k % 3, i, j])
 
     @wp.kernel(module=module)
     def multiply(
-        nodes_v: int,
-        halo: int,
+        places: wp.array2d(dtype=wp.int32),
         free: wp.array3d(dtype=real),
         inverse: wp.array2d(dtype=wp.float64),
         vector: wp.array(dtype=wp.float64),
@@ -282,7 +279,7 @@ def dense(real: Any) -> SimpleNamespace:
         total = wp.float64(0.0)
         for m in range(inverse.shape[0]):
             total += (inverse[k, m] + inverse[m, k]) * vector[m]
-        i, j = (k // 3) // nodes_v + 1, (k // 3) % nodes_v + halo
+        i, j = places[k // 3, 0], places[k // 3, 1]
         z_out[k % 3, i, j] = free[0, i, j] * real(wp.float64(0.5) * total)
 
     return SimpleNamespace(

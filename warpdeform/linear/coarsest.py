@@ -2,6 +2,7 @@
 
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from warpdeform.kernels.multigrid import dense
@@ -19,8 +20,9 @@ class DenseInverse:
         body = operator.body
         self._operator, self._free, self._device = operator, body.free, body.device
         self._kernels = dense(body.real)
-        self._place = [body.layout.nodes[1], body.layout.halo]
-        self._unknowns = 3 * body.layout.nodes[0] * body.layout.nodes[1]
+        nodes = np.stack(np.unravel_index(np.arange(np.prod(body.layout.nodes)), body.layout.nodes), axis=-1)
+        self._places: wp.array = wp.array(body.layout.places(nodes), dtype=wp.int32, device=self._device)
+        self._unknowns = 3 * len(nodes)
         shape = (self._unknowns, self._unknowns)
         self._inverse: wp.array = wp.zeros(shape, dtype=wp.float64, device=self._device)
         self._swept: wp.array = wp.zeros(shape, dtype=wp.float64, device=self._device)
@@ -28,7 +30,7 @@ class DenseInverse:
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
-        return int(self._inverse.capacity + self._swept.capacity + self._vector.capacity)
+        return int(sum(a.capacity for a in (self._inverse, self._swept, self._vector, self._places)))
 
     def update(self, unit: wp.array, product: wp.array) -> None:
         """Assemble A column by column and invert it.
@@ -41,17 +43,17 @@ class DenseInverse:
         if self._unknowns % 2 == 0:
             source, target = target, source
         for column in range(self._unknowns):
-            self._launch("set_unit", *self._place, column, unit)
+            self._launch("set_unit", self._places, column, unit)
             self._operator.product(unit, product)
-            self._launch("store_column", *self._place, column, self._free, product, source)
+            self._launch("store_column", self._places, column, self._free, product, source)
         for pivot in range(self._unknowns):
             self._launch("sweep", pivot, source, target)
             source, target = target, source
 
     def apply(self, residual: wp.array, solution: wp.array) -> None:
         """solution = A^-1 residual on the free nodes; arrays of shape (3, rows, columns)."""
-        self._launch("gather_unknowns", *self._place, self._free, residual, self._vector)
-        self._launch("multiply", *self._place, self._free, self._inverse, self._vector, solution)
+        self._launch("gather_unknowns", self._places, self._free, residual, self._vector)
+        self._launch("multiply", self._places, self._free, self._inverse, self._vector, solution)
 
     def _launch(self, name: str, *inputs: Any) -> None:
         wp.launch(getattr(self._kernels, name), dim=self._unknowns, inputs=inputs, device=self._device)
