@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
-from surfaces import dot, noise, turned
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import spsolve
+from surfaces import dot, noise, spacing, turned
 
 from warpdeform.forces.force import Force
 from warpdeform.forces.solid_elasticity import SolidElasticity
@@ -403,3 +405,48 @@ class BarrierEnergy:
         J = volume_ratio(r, self.rest)
         G = np.array([volume_ratio(r + 1e-30j * p.reshape(r.shape), self.rest).imag for p in np.eye(r.size)]) * 1e30
         return np.asarray(np.einsum("pijk,ijk,qijk->pq", G, self.weights * np.where(J < 1, 2 / J**3 - 2, 0), G))
+
+
+def stiffness_matrix(term: Term) -> csc_array:
+    """The Hessian at the last linearised state, sparse: 81 products, each with every third node moved."""
+    nodes, index = term.nodes, np.arange(int(np.prod(term.nodes))).reshape(term.nodes)
+    rows, columns, entries = [], [], []
+    for start in product(range(3), repeat=3):
+        # The one node of this colour that is next to each node.
+        near = [(np.arange(n) - first + 1) // 3 * 3 + first for n, first in zip(nodes, start, strict=True)]
+        inside = np.meshgrid(*((at >= 0) & (at < n) for at, n in zip(near, nodes, strict=True)), indexing="ij")
+        exists = np.logical_and.reduce(inside)
+        moved = index[np.ix_(*(np.clip(at, 0, n - 1) for at, n in zip(near, nodes, strict=True)))]
+        colour = tuple(slice(first, None, 3) for first in start)
+        for axis in AXES:
+            p = np.zeros((*nodes, 3))
+            p[(*colour, axis)] = 1.0
+            q = term.product(p)[exists]
+            rows.append((3 * index[exists][:, None] + np.arange(3)).ravel())
+            columns.append(np.repeat(3 * moved[exists] + axis, 3))
+            entries.append(q.ravel())
+    where = np.concatenate(rows), np.concatenate(columns)
+    return csc_array((np.concatenate(entries), where), shape=(3 * index.size,) * 2)
+
+
+def equilibrium(term: Term, load: Array, free: Array, start: Array) -> Array:
+    """Where the forces of the term balance a load on the free coordinates: Newton with a line search.
+
+    Args:
+        term: The term.
+        load: Forces [N], shape (*nodes, 3).
+        free: Which coordinates may move, shape (*nodes, 3).
+        start: Where to start [m], shape (*nodes, 3).
+    """
+    z, inside, step = start.copy(), np.flatnonzero(free), np.zeros(start.size)
+    for _ in range(200):
+        residual = (term.gradient(z) - load).ravel()[inside]
+        step[inside] = -spsolve(stiffness_matrix(term)[inside][:, inside].tocsc(), residual)
+        p, slope = step.reshape(z.shape), float(residual @ step[inside])
+        if np.abs(p).max() < 1e-6 * spacing(start):
+            return z + p
+        now, length = term.energy(z) - np.sum(load * z), 1.0
+        while term.energy(z + length * p) - np.sum(load * (z + length * p)) > now + 1e-4 * length * slope:
+            length /= 2
+        z = z + length * p
+    raise AssertionError(f"still moving by {np.abs(p).max() / spacing(start):g} spacings an iteration")
