@@ -16,7 +16,7 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import spsolve
 from surfaces import dot, noise, spacing, turned
 
-from warpdeform.forces.force import Force
+from warpdeform.forces.solid_coefficients import SolidStiffness
 from warpdeform.forces.solid_elasticity import SolidElasticity
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.material import Material, PaperSolidWeights
@@ -132,11 +132,21 @@ class Term:
     """A term of one solid, with NumPy arrays of shape (nu, nv, nw, ...) going in and coming out."""
 
     def __init__(
-        self, rest: Block, material: Material, real: Any = wp.float64, lane_width: int = 1, kind: Any = SolidElasticity
+        self,
+        rest: Block,
+        material: Material,
+        real: Any = wp.float64,
+        lane_width: int = 1,
+        kind: Any = SolidElasticity,
+        **options: Any,
     ) -> None:
         self.real, self.nodes, self.rest = real, rest.nodes, rest.positions
         self.layout = Layout(rest.nodes, lane_width)
-        self.force: Force = kind(rest.grid, self.layout, rest.positions, material, real, "cpu")
+        self.force: Any = kind(rest.grid, self.layout, rest.positions, material, real, "cpu", **options)
+
+    @property
+    def stiffness(self) -> SolidStiffness:
+        return self.force.stiffness
 
     def upload(self, values: Array) -> wp.array:
         return wp.array(self.layout.pack(values), dtype=self.real, device="cpu")
@@ -146,29 +156,29 @@ class Term:
 
     def energy(self, z: Array) -> float:
         partials = wp.zeros((self.layout.rows, self.layout.columns), dtype=wp.float64, device="cpu")
-        self.force.add_energy(None, self.upload(z), partials)  # type: ignore[arg-type]
+        self.force.add_energy(None, self.upload(z), partials)
         return float(partials.numpy().sum())
 
     def linearise(self, z: Array) -> None:
         self.position = self.upload(z)
-        self.force.linearise(None, self.position)  # type: ignore[arg-type]
+        self.force.linearise(None, self.position)
 
     def gradient(self, z: Array) -> Array:
         self.linearise(z)
         out = self.upload(np.zeros_like(z))
-        self.force.add_gradient(None, self.position, out)  # type: ignore[arg-type]
+        self.force.add_gradient(None, self.position, out)
         return self.download(out)
 
     def product(self, p: Array) -> Array:
         """Hessian at the last linearised state times p."""
         out = self.upload(np.zeros_like(p))
-        self.force.add_hessian_product(None, self.upload(p), out)  # type: ignore[arg-type]
+        self.force.add_hessian_product(None, self.upload(p), out)
         return self.download(out)
 
     def blocks(self) -> Array:
         """Diagonal blocks at the last linearised state, shape (nu, nv, nw, 3, 3)."""
         out = self.upload(np.zeros((*self.nodes, 6)))
-        self.force.add_block_diagonal(None, out)  # type: ignore[arg-type]
+        self.force.add_block_diagonal(None, out)
         return self.download(out)[..., [0, 3, 4, 3, 1, 5, 4, 5, 2]].reshape(*self.nodes, 3, 3)
 
     def dense(self) -> Array:
