@@ -453,7 +453,7 @@ def equilibrium(term: Term, load: Array, free: Array, start: Array) -> Array:
         residual = (term.gradient(z) - load).ravel()[inside]
         step[inside] = -spsolve(stiffness_matrix(term)[inside][:, inside].tocsc(), residual)
         p, slope = step.reshape(z.shape), float(residual @ step[inside])
-        if np.abs(p).max() < 1e-6 * spacing(start):
+        if np.abs(p).max() < 1e-5 * spacing(start):
             return z + p
         now, length = term.energy(z) - np.sum(load * z), 1.0
         while term.energy(z + length * p) - np.sum(load * (z + length * p)) > now + 1e-4 * length * slope:

@@ -195,7 +195,7 @@ def test_no_eigenvalue_exceeds_the_nodes_of_a_cell(nu: float, barrier: float | N
 
 
 def test_stress_of_a_coarse_grid_has_the_work_of_the_fine_one() -> None:
-    """An even motion of an evenly stressed block feels the same stiffness on either grid, half as fine along all axes."""
+    """An even motion of an evenly stressed block feels the same on both grids, one half as fine along all axes."""
     rest = box((9, 7, 11), (0.4, 0.3, 0.5))
     material = MATERIALS["soft"]
     layout = Layout(rest.nodes, 1)
