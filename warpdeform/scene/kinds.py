@@ -11,7 +11,7 @@ from pydantic import Field, create_model
 
 from warpdeform.material import QUANTITIES
 from warpdeform.obstacle import SIZES
-from warpdeform.scene.table import ROTATION, NumberOrPair, NumberOrTriple, Pair, Table, Vector, key
+from warpdeform.scene.table import ROTATION, NumberOrPair, NumberOrTriple, NumberOrWeights, Pair, Table, Vector, key
 from warpdeform.shape import SHAPES
 
 
@@ -69,6 +69,7 @@ _NUMBERS: dict[tuple[int, ...], tuple[Any, str]] = {
     (2,): (Pair, "2 numbers"),
     (1, 2): (NumberOrPair, "a number, or two: along u and v"),
     (1, 3): (NumberOrTriple, "a number, or three: 11, 22, 12"),
+    (1, 3, 6): (NumberOrWeights, "a number, or three: 11, 22, 12, or six: 11, 22, 33, 12, 13, 23"),
 }
 
 _SHAPE_KEYS: dict[str, tuple[Any, Any]] = {
