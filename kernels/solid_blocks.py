@@ -12,21 +12,23 @@ from typing import Any
 import warp as wp
 
 from warpdeform.kernels.lanes import kernel_module, lanes
+from warpdeform.kernels.solid import variant_name
 from warpdeform.kernels.solid_geometry import solid_geometry
+from warpdeform.kernels.solid_volume import solid_volume
 
 
 @functools.cache
-def solid_blocks(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
+def solid_blocks(width: int, real: Any, orthogonal: bool, barrier: bool) -> SimpleNamespace:
     """Kernel ``block_nodes``; arguments as for :func:`warpdeform.kernels.solid.solid`."""
-    words, shape = lanes(width, real), solid_geometry(width, real, orthogonal)
+    words, shape, room = lanes(width, real), solid_geometry(width, real, orthogonal), solid_volume(width, real)
     L = words.L
-    load1, load3, add6 = words.load1, words.load3, words.add6
-    scale, mul, at_least = words.scale, words.mul, words.at_least
-    isotropic, symmetric = words.isotropic, words.symmetric
+    load1, load3, load6, store6 = words.load1, words.load3, words.load6, words.store6
+    scale, scale6, mul, at_least = words.scale, words.scale6, words.mul, words.at_least
+    isotropic, symmetric, outer = words.isotropic, words.symmetric, words.outer
     mean_stress, plane_stress, cross_stress = shape.mean_stress, shape.plane_stress, shape.cross_stress
-    face_weights, back = shape.face_weights, shape.back
+    face_weights, back, edge_sums, normals = shape.face_weights, shape.back, room.edge_sums, room.normals
     zero = real(0.0)
-    module = kernel_module("solid_blocks_" + ("orthogonal" if orthogonal else "general"), width, real)
+    module = kernel_module(f"solid_blocks_{variant_name(orthogonal, barrier)}", width, real)
 
     @wp.func
     def edge_weights(
@@ -66,7 +68,8 @@ def solid_blocks(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
     @wp.func
     def corner_block(
         r: wp.array3d(dtype=real), share: wp.array3d(dtype=real), K: wp.array3d(dtype=real), t: wp.array3d(dtype=real),
-        space: real, plane: real, each: int, i: int, j: int, u: int, a: int, b: int, c: int,
+        space: real, plane: real, each: int, tension: wp.array3d(dtype=real), hardness: wp.array3d(dtype=real),
+        i: int, j: int, u: int, a: int, b: int, c: int,
     ):  # fmt: skip
         """Block of a node of the cell on its side a, b, c along u, v, w: 1 where the cell lies ahead, -1 behind."""
         ui = u * a
@@ -90,22 +93,23 @@ def solid_blocks(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         z1, z2, z3, z12, z13, z23 = corner_stress(
             K, space, plane, ii, jj, t1, t2, t3, n12, n13, n23, a1[2], a2[2], a3[2], d12[2], d13[2], d23[2]
         )
-        return symmetric(
+        block = symmetric(
             scale(x1, a1) + scale(x2, a2) + scale(x3, a3) + (scale(x12, d12) + scale(x13, d13) + scale(x23, d23)),
             scale(y1, a1) + scale(y2, a2) + scale(y3, a3) + (scale(y12, d12) + scale(y13, d13) + scale(y23, d23)),
             scale(z1, a1) + scale(z2, a2) + scale(z3, a3) + (scale(z12, d12) + scale(z13, d13) + scale(z23, d23)),
         )
-
-    @wp.func
-    def edge_tension(s: wp.array3d(dtype=real), c: int, i: int, j: int, ai: int, aj: int):
-        """Of both edges along an axis."""
-        return at_least(load1(s, c, i, j), zero) + at_least(load1(s, c, i - ai, j - aj), zero)
-
-    @wp.func
-    def face_tension(s: wp.array3d(dtype=real), c: int, i: int, j: int, ai: int, aj: int, bi: int, bj: int):
-        """Of the four faces spanned by two axes: of D of two, of E of two others."""
-        d = at_least(load1(s, c, i, j), zero) + at_least(load1(s, c, i - ai - bi, j - aj - bj), zero)
-        return d + (at_least(-load1(s, c, i - ai, j - aj), zero) + at_least(-load1(s, c, i - bi, j - bj), zero))
+        # Three edges, and of each face the diagonal that ends here.
+        pull = load1(tension, 0, ci, cj) + load1(tension, 1, ci, cj) + load1(tension, 2, ci, cj)
+        pull = pull + at_least(real(a * b) * load1(tension, 3, ci, cj), zero)
+        pull = pull + at_least(real(a * c) * load1(tension, 4, ci, cj), zero)
+        pull = pull + at_least(real(b * c) * load1(tension, 5, ci, cj), zero)
+        block = block + isotropic(pull)
+        if wp.static(barrier):
+            m1, m2, m3 = edge_sums(r, ci, cj, u)
+            n1, n2, n3 = normals(m1, m2, m3)
+            n = real(a) * n1 + real(b) * n2 + real(c) * n3
+            block = block + scale6(load1(hardness, 0, ci, cj), outer(n, n))
+        return block
 
     @wp.kernel(module=module)
     def block_nodes(
@@ -118,19 +122,19 @@ def solid_blocks(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         space: real,
         plane: real,
         each: int,
-        s: wp.array3d(dtype=real),
+        tension: wp.array3d(dtype=real),
+        hardness: wp.array3d(dtype=real),
         blocks_out: wp.array3d(dtype=real),
     ):
         ii, group = wp.tid()
         i, j = ii + first, (group + 1) * width
-        tension = edge_tension(s, 0, i, j, u, 0) + edge_tension(s, 1, i, j, 1, 0) + edge_tension(s, 2, i, j, 0, 1)
-        tension = tension + face_tension(s, 3, i, j, u, 0, 1, 0)
-        tension = tension + face_tension(s, 4, i, j, u, 0, 0, 1) + face_tension(s, 5, i, j, 1, 0, 0, 1)
-        block = isotropic(tension)
+        block = load6(blocks_out, 0, i, j)
         for a in range(-1, 2, 2):
             for b in range(-1, 2, 2):
-                block = block + corner_block(r, share, K, t, space, plane, each, i, j, u, a, b, -1)
-                block = block + corner_block(r, share, K, t, space, plane, each, i, j, u, a, b, 1)
-        add6(blocks_out, 0, i, j, block)
+                for c in range(-1, 2, 2):
+                    block = block + corner_block(
+                        r, share, K, t, space, plane, each, tension, hardness, i, j, u, a, b, c
+                    )  # fmt: skip
+        store6(blocks_out, 0, i, j, block)
 
     return SimpleNamespace(module=module, block_nodes=block_nodes)

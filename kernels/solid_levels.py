@@ -1,7 +1,7 @@
-"""Stress of an elastic solid on a coarser grid, for multigrid.
+"""Tension of an elastic solid, and the hardness of its barrier, on a coarser grid, for multigrid.
 
-Directions are those of the coarse positions (:mod:`warpdeform.kernels.solid`, as on any grid); the stress in the
-Hessian is the mean of the fine one: strains of a coarse grid would be those of another shape.
+Directions are those of the coarse positions (:mod:`warpdeform.kernels.solid`, as on any grid); these two are the means
+of the fine ones: strains and volumes of a coarse grid would be those of another shape.
 """
 
 import functools
@@ -16,20 +16,20 @@ from warpdeform.kernels.transfer import transfer_tables, transfers
 
 @functools.cache
 def solid_levels(width: int, real: Any) -> SimpleNamespace:
-    """Kernels ``average_stress`` and ``sum_means`` for one lane width and precision."""
+    """Kernels ``average_tension`` and ``average_hardness`` for one lane width and precision."""
     words, moves, Tables = lanes(width, real), transfers(width, real), transfer_tables(real)
-    carried3 = moves.carried3
-    load1, store1, splat, mul = words.load1, words.store1, words.splat, words.mul
+    carried, carried3 = moves.carried, moves.carried3
+    store1, splat, mul, one = words.store1, words.splat, words.mul, real(1.0)
     module = kernel_module("solid_levels", width, real)
 
     @wp.kernel(module=module)
-    def average_stress(
-        mean: wp.array3d(dtype=real),
+    def average_tension(
+        tension: wp.array3d(dtype=real),
         tables: Tables,
         grow_u: real,
         grow_v: real,
         grow_w: real,
-        mean_out: wp.array3d(dtype=real),
+        tension_out: wp.array3d(dtype=real),
     ):
         """Mean over the fine cells of a coarse cell, for edges that have grown by `grow_u`, `grow_v`, `grow_w`.
 
@@ -38,31 +38,21 @@ def solid_levels(width: int, real: Any) -> SimpleNamespace:
         """
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        pull, shear = carried3(mean, 0, tables, i, j), carried3(mean, 3, tables, i, j)
-        store1(mean_out, 0, i, j, mul(splat(grow_v * grow_w / grow_u), pull[0]))
-        store1(mean_out, 1, i, j, mul(splat(grow_u * grow_w / grow_v), pull[1]))
-        store1(mean_out, 2, i, j, mul(splat(grow_u * grow_v / grow_w), pull[2]))
-        store1(mean_out, 3, i, j, mul(splat(grow_w), shear[0]))
-        store1(mean_out, 4, i, j, mul(splat(grow_v), shear[1]))
-        store1(mean_out, 5, i, j, mul(splat(grow_u), shear[2]))
-
-    @wp.func
-    def around(a: wp.array3d(dtype=real), c: int, i: int, j: int, bi: int, bj: int, ci: int, cj: int):
-        """Sum over the four cells of an edge."""
-        return (load1(a, c, i, j) + load1(a, c, i - bi, j - bj)) + (
-            load1(a, c, i - ci, j - cj) + load1(a, c, i - bi - ci, j - bj - cj)
-        )
+        pull, shear = carried3(tension, 0, tables, i, j), carried3(tension, 3, tables, i, j)
+        store1(tension_out, 0, i, j, mul(splat(grow_v * grow_w / grow_u), pull[0]))
+        store1(tension_out, 1, i, j, mul(splat(grow_u * grow_w / grow_v), pull[1]))
+        store1(tension_out, 2, i, j, mul(splat(grow_u * grow_v / grow_w), pull[2]))
+        store1(tension_out, 3, i, j, mul(splat(grow_w), shear[0]))
+        store1(tension_out, 4, i, j, mul(splat(grow_v), shear[1]))
+        store1(tension_out, 5, i, j, mul(splat(grow_u), shear[2]))
 
     @wp.kernel(module=module)
-    def sum_means(first: int, u: int, mean: wp.array3d(dtype=real), stress_out: wp.array3d(dtype=real)):
-        """Stresses of the edges and faces that begin at a node, where those of a cell are all alike."""
+    def average_hardness(
+        hardness: wp.array3d(dtype=real), tables: Tables, growth: real, hardness_out: wp.array3d(dtype=real)
+    ):
+        """The same of the barrier, for cells whose volume has grown by `growth`."""
         ii, group = wp.tid()
-        i, j = ii + first, (group + 1) * width
-        store1(stress_out, 0, i, j, around(mean, 0, i, j, 1, 0, 0, 1))
-        store1(stress_out, 1, i, j, around(mean, 1, i, j, u, 0, 0, 1))
-        store1(stress_out, 2, i, j, around(mean, 2, i, j, u, 0, 1, 0))
-        store1(stress_out, 3, i, j, load1(mean, 3, i, j) + load1(mean, 3, i, j - 1))
-        store1(stress_out, 4, i, j, load1(mean, 4, i, j) + load1(mean, 4, i - 1, j))
-        store1(stress_out, 5, i, j, load1(mean, 5, i, j) + load1(mean, 5, i - u, j))
+        i, j = ii + 1, (group + 1) * width
+        store1(hardness_out, 0, i, j, mul(splat(one / growth), carried(hardness, 0, tables, i, j)))
 
-    return SimpleNamespace(module=module, average_stress=average_stress, sum_means=sum_means)
+    return SimpleNamespace(module=module, average_tension=average_tension, average_hardness=average_hardness)

@@ -332,45 +332,34 @@ class DiscreteEnergy:
         return np.asarray(H + self._tensions(np.einsum("...ab,...b->...a", K, number)))
 
     def _tensions(self, stress: Array) -> Array:
-        """Edges and faces sum over their cells; face stress S m_i.m_j is (S/4)(|D|^2 - |E|^2)."""
+        """Means over a cell: tension of its edges; a face stress S of m_i.m_j is (S/4)(|D|^2 - |E|^2)."""
         index = np.arange(self.rest[..., 0].size).reshape(self.rest.shape[:3])
         form = np.zeros((index.size, index.size))
 
-        def add(ends: Array, weight: Array) -> None:
-            for (a, b), w in zip(ends.reshape(-1, 2), np.ravel(weight), strict=True):
-                form[a, a] += w
-                form[b, b] += w
-                form[a, b] -= w
-                form[b, a] -= w
+        def add(low: Array, high: Array, weight: Array) -> None:
+            for a, b, w in zip(low.ravel(), high.ravel(), weight.ravel(), strict=True):
+                form[[a, b], [a, b]] += w
+                form[[a, b], [b, a]] -= w
 
+        corner = {
+            at: index[tuple(slice(a, n - 1 + a) for a, n in zip(at, index.shape, strict=True))]
+            for at in product((0, 1), repeat=3)
+        }
         for axis in AXES:
-            ends = np.stack(
-                [np.take(index, range(index.shape[axis] - 1), axis), np.take(index, range(1, index.shape[axis]), axis)],
-                -1,
-            )
-            total = np.zeros(ends.shape[:3])
-            cells = around(ends, axis).reshape(*stress.shape[:3], 4, 2)
-            for edge in range(4):
-                lower = cells[..., edge, 0]
-                np.add.at(total, _places(lower, self.rest.shape), 2 * stress[..., 4 * axis + edge])
-            add(ends, np.maximum(total, 0))
+            tension = np.maximum(2 * stress[..., 4 * axis : 4 * axis + 4].mean(axis=-1), 0)
+            for at in corner:
+                if at[axis] == 0:
+                    add(corner[at], corner[tuple(a + (k == axis) for k, a in enumerate(at))], tension)
         for n, (i, j) in enumerate(PAIRS):
-            shape = [m - (k in (i, j)) for k, m in enumerate(index.shape)]
-            step = np.zeros((2, 3), dtype=int)
-            step[0, i] = step[1, j] = 1
-            corner = [index[tuple(slice(a, a + m) for a, m in zip(at, shape, strict=True))]
-                      for at in ((0, 0, 0), step[0], step[1], step[0] + step[1])]  # fmt: skip
-            total = np.zeros(shape)
-            lower = two_faces(corner[0], i, j)
-            for face in range(2):
-                np.add.at(total, _places(lower[..., face], self.rest.shape), stress[..., 12 + 2 * n + face])
-            add(np.stack([corner[0], corner[3]], -1), np.maximum(total, 0) / 2)
-            add(np.stack([corner[1], corner[2]], -1), np.maximum(-total, 0) / 2)
+            S = stress[..., 12 + 2 * n : 14 + 2 * n].mean(axis=-1)
+            for level in (0, 1):
+                ends = [[level] * 3 for _ in range(4)]
+                for end, (a, b) in zip(ends, ((0, 0), (1, 1), (1, 0), (0, 1)), strict=True):
+                    end[i], end[j] = a, b
+                r00, r11, r10, r01 = (corner[(end[0], end[1], end[2])] for end in ends)
+                add(r00, r11, np.maximum(S, 0) / 2)
+                add(r10, r01, np.maximum(-S, 0) / 2)
         return np.kron(form, np.eye(3))
-
-
-def _places(nodes: Array, shape: tuple[int, ...]) -> tuple[Array, ...]:
-    return np.unravel_index(nodes, shape[:3])
 
 
 def design_energy(shape: Block, material: Material) -> DiscreteEnergy:

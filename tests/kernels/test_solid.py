@@ -1,6 +1,7 @@
 """Kernels of the elastic solid with arbitrary coefficients against NumPy: variants, lane widths and precisions."""
 
 import functools
+import itertools
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -12,7 +13,7 @@ from solids import PAIRS, DiscreteEnergy, around, bent, cell_numbers, crumpled, 
 from surfaces import REALS, WIDTHS, noise
 
 from warpdeform.grid import Layout
-from warpdeform.kernels.solid import FLUX_COMPONENTS, NUMBER_COMPONENTS, solid
+from warpdeform.kernels.solid import FLUX_COMPONENTS, NUMBER_COMPONENTS, TENSION_COMPONENTS, solid
 from warpdeform.kernels.solid_blocks import solid_blocks
 
 Array = np.ndarray[Any, Any]
@@ -136,7 +137,7 @@ def cell_weights(t: Array) -> Array:
 def run(nodes: tuple[int, int, int], orthogonal: bool, each: bool, real: Any, width: int) -> dict[str, Array]:
     """Every output of every kernel, shape (*nodes, n); outputs that are overwritten start as not a number."""
     given, layout = problem(nodes, orthogonal, each), Layout(nodes, width)
-    kernels, diagonal = solid(width, real, orthogonal), solid_blocks(width, real, orthogonal)
+    kernels, diagonal = solid(width, real, orthogonal, False), solid_blocks(width, real, orthogonal, False)
     arrays: dict[str, wp.array] = {}
     rows = np.s_[layout.first_row : layout.rows - layout.first_row]
 
@@ -155,26 +156,31 @@ def run(nodes: tuple[int, int, int], orthogonal: bool, each: bool, real: Any, wi
 
     def launch(kernel: Any, *inputs: Any) -> None:
         dim = (layout.rows - 2 * layout.first_row, layout.groups)
-        wp.launch(kernel, dim=dim, inputs=[layout.first_row, layout.stride, *inputs], device="cpu")
+        wp.launch(kernel, dim=dim, inputs=[layout.first_row, *inputs], device="cpu")
 
+    def gather(flux: wp.array, out: wp.array) -> None:
+        fluxes = kernels.Fluxes()
+        fluxes.flux, fluxes.stride = flux, wp.array([layout.stride], dtype=wp.int32, device="cpu")
+        launch(kernels.gather, fluxes, out)
+
+    u = layout.stride
     rest, z, p = (upload(layout.pack(values)) for values in (given.rest, given.z, given.p))
     share = upload(layout.pack(np.ones(given.cells)))
     K = upload(layout.pack(given.K) if each else np.repeat(given.K[:, None, None], width, axis=-1))
-    t = upload(np.zeros((1, 1, 1)) if given.t is None else layout.pack(given.t))
+    none = upload(np.zeros((1, 1, 1)))
+    t = none if given.t is None else upload(layout.pack(given.t))
     law = (share, K, t, real(SPACE), real(PLANE), int(each))
     q0 = poisoned("q0", NUMBER_COMPONENTS)
-    launch(kernels.measure, rest, q0)
-    launch(kernels.measure, z, poisoned("q", NUMBER_COMPONENTS))
-    mean, flux = poisoned("mean", NUMBER_COMPONENTS), poisoned("flux", FLUX_COMPONENTS)
-    launch(kernels.stress_cells, z, q0, *law, mean, flux)
-    stress = poisoned("stress", NUMBER_COMPONENTS)
-    launch(kernels.sum_stress, flux, stress)
-    launch(kernels.gather_gradient, z, stress, added("gradient", 3))
-    launch(kernels.product_cells, z, *law, p, poisoned("product_flux", FLUX_COMPONENTS))
-    launch(kernels.gather_product, z, stress, p, arrays["product_flux"], added("product", 3))
-    launch(diagonal.block_nodes, z, *law, stress, added("blocks", 6))
+    launch(kernels.measure, u, rest, q0)
+    launch(kernels.measure, u, z, poisoned("q", NUMBER_COMPONENTS))
+    tension, flux = poisoned("tension", TENSION_COMPONENTS), poisoned("flux", FLUX_COMPONENTS)
+    launch(kernels.stress_cells, u, z, q0, *law, none, tension, none, flux)
+    gather(flux, added("gradient", 3))
+    launch(kernels.product_cells, u, z, *law, tension, none, p, poisoned("product_flux", FLUX_COMPONENTS))
+    gather(arrays["product_flux"], added("product", 3))
+    launch(diagonal.block_nodes, u, z, *law, tension, none, added("blocks", 6))
     partials = wp.zeros((layout.rows, layout.columns), dtype=wp.float64, device="cpu")
-    launch(kernels.energy_cells, z, q0, *law, partials)
+    launch(kernels.energy_cells, u, z, q0, *law, none, partials)
     for name, array in arrays.items():
         values = array.numpy()
         assert np.isfinite(values).all(), name
@@ -211,7 +217,7 @@ def test_numbers_are_those_of_edges_and_faces() -> None:
     for pair, products in enumerate(face_products(given.z)):
         inside = tuple(slice(n) for n in products.shape)
         np.testing.assert_allclose(q[(*inside, 3 + pair)], 2 * products, rtol=1e-13, atol=1e-15)
-    assert cell_numbers(given.z).shape == (*given.cells, FLUX_COMPONENTS)
+    assert cell_numbers(given.z).shape == (*given.cells, 18)
 
 
 @pytest.mark.parametrize("real", REALS)
@@ -232,6 +238,9 @@ def test_lane_widths_agree_to_the_bit_and_precisions_to_round_off(
 
 
 def test_variants_are_modules_of_their_own() -> None:
-    modules = {solid(1, wp.float64, orthogonal).module.name for orthogonal in (True, False)}
-    assert modules == {"warpdeform_solid_orthogonal_float64_1", "warpdeform_solid_general_float64_1"}
-    assert solid_blocks(1, wp.float64, True).module.name not in modules
+    modules = [solid(1, wp.float64, *variant).module.name for variant in itertools.product((True, False), repeat=2)]
+    assert modules[:2] == ["warpdeform_solid_orthogonal_barrier_float64_1", "warpdeform_solid_orthogonal_float64_1"]
+    modules += [
+        solid_blocks(1, wp.float64, *variant).module.name for variant in itertools.product((True, False), repeat=2)
+    ]
+    assert len(set(modules)) == 8

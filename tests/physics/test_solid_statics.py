@@ -44,12 +44,10 @@ def spread(nodes: tuple[int, int]) -> Array:
 
 
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.49])
-@pytest.mark.parametrize("stretch", [0.7, 0.95, 1.3, 2.0])
+@pytest.mark.parametrize("stretch", [0.7, 0.95, 1.3, 1.6])
 def test_pulled_block_answers_as_the_law_says(stretch: float, nu: float) -> None:
     """P/E = lam (lam^2 - 1)/2 while the sides are free, at lam_t^2 = 1 - nu (lam^2 - 1) (design 1.6)."""
     lateral = 1 - nu * (stretch**2 - 1)
-    if lateral <= 0:
-        pytest.skip("no width is left")
     rest = box((4, 3, 5), (1.0, 0.6, 0.8))
     force = Term(rest, rubber(nu)).gradient(rest.positions * [stretch, np.sqrt(lateral), np.sqrt(lateral)])
     pull = force[-1, ..., 0].sum() / (0.6 * 0.8)
@@ -142,8 +140,8 @@ def tip_over_timoshenko(cells: Nodes, nu: float, slenderness: float = 10.0) -> f
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.49])
 def test_cantilever_block_bends_as_timoshenko_says(nu: float) -> None:
     ratios = [tip_over_timoshenko(cells, nu) for cells in ((10, 1, 1), (20, 2, 2), (40, 4, 4))]
-    print(f"\nblock cantilever nu {nu:g}, sections of 1, 2, 4 cells: tip over Timoshenko {listed(ratios)}", end="")
-    print(f"; errors {percent(np.array(ratios) - 1, 2)}", end="")
+    print(f"\nblock cantilever nu {nu:g}, sections of 1, 2, 4 cells: errors of the tip", end=" ")
+    print(percent(np.array(ratios) - 1, 2), end="")
     assert np.abs(np.array(ratios) - 1).max() < 0.03
 
 

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from warpdeform.errors import InputError, Mistake
 from warpdeform.grid import ParameterGrid
+from warpdeform.kernels.solid_volume import LEAST
 from warpdeform.material import PaperSolidWeights, SolidCoefficients
 
 Array = NDArray[np.float64]
@@ -49,6 +50,7 @@ class SolidStiffness:
             shape (*nodes, 3); None if orthogonal.
         ratios: lambda / (2 mu) in space and in plane stress; 0 if orthogonal.
         share: 1 in every cell, shape (*cells).
+        volume: kappa V of the barrier against inversion, 1/(64 m1.(m2 x m3)), 1; shape (*cells, 3); None without one.
         cell_volume: Rest volumes by mean edges [m3], shape (*cells).
         node_volume: Trapezoid shares of the rest volume [m3], shape (*nodes).
     """
@@ -58,6 +60,7 @@ class SolidStiffness:
     edges: Array | None
     ratios: tuple[float, float]
     share: Array
+    volume: Array | None
     cell_volume: Array
     node_volume: Array
 
@@ -84,7 +87,10 @@ def solid_stiffness(
     Raises:
         InputError: A cell has no volume, an edge has no length, or a cell is turned inside out.
     """
-    chart = RestCells(grid, rest)
+    chart, share, volume = RestCells(grid, rest), np.ones(grid.cells), None
+    if material.inversion_barrier > 0.0:
+        strength = material.inversion_barrier * chart.volume
+        volume = np.stack([strength, 1.0 / (64.0 * chart.signed_volume), share], axis=-1)
     if isinstance(material, PaperSolidWeights):
         orthogonal, cells, edges, ratios = True, _paper_law(grid, material), None, (0.0, 0.0)
     else:
@@ -101,7 +107,8 @@ def solid_stiffness(
         cells=cells,
         edges=edges,
         ratios=ratios,
-        share=np.ones(grid.cells),
+        share=share,
+        volume=volume,
         cell_volume=chart.volume,
         node_volume=grid.cells_to_nodes(chart.volume),
     )
@@ -237,3 +244,23 @@ def _paper_law(grid: ParameterGrid, weights: PaperSolidWeights) -> Array:
     shears = [volume * weights.eta[3 + n] / (16.0 * (h[i] * h[j]) ** 2) for n, (i, j) in enumerate(PAIRS)]
     sums = [along[0], 0.0, 0.0, along[1], 0.0, along[2]]
     return np.array([*sums, *along, 0.0, 0.0, 0.0, *along, *shears, *shears])
+
+
+def refuse_inverted(grid: ParameterGrid, rest: Array, positions: Array, key: str = "initial_positions") -> None:
+    """Refuse to start a solid with a barrier from where the barrier is infinite.
+
+    Args:
+        grid: Parameter grid.
+        rest: Rest positions [m], shape (*nodes, 3).
+        positions: Where the solid starts [m], same shape.
+        key: What to call them in the message.
+
+    Raises:
+        InputError: A cell is flat or turned inside out; with its index.
+    """
+    ratio = RestCells(grid, positions, check=False).signed_volume / RestCells(grid, rest).signed_volume
+    if ratio.min() <= LEAST:
+        cell = [int(k) for k in np.unravel_index(np.argmin(ratio), ratio.shape)]
+        problem = f"has a cell that is flat or turned inside out, with {ratio.min():.3g} of its rest volume"
+        remedy = "Start from cells that are upright, or leave out inversion_barrier."
+        raise InputError(Mistake(key, cell, problem, remedy))

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 
 class SolidElasticity(Force):
-    """Extension and shear of one solid.
+    """Extension and shear of one solid, and a barrier against inversion where the material has one.
 
     Args:
         grid: Parameter grid.
@@ -47,47 +47,54 @@ class SolidElasticity(Force):
         like: SolidStiffness | None = None,
     ) -> None:
         self.stiffness: SolidStiffness = solid_stiffness(grid, rest, material.solid(), like)
+        self.barrier = self.stiffness.volume is not None
         self._rest, self._material, self._spacing = rest, material, grid.spacing
         self._layout, self._device, self._real = layout, device, real
-        self._words = kernels.solid(layout.lane_width, real, self.stiffness.orthogonal)
+        self._variant = (layout.lane_width, real, self.stiffness.orthogonal, self.barrier)
+        self._words = kernels.solid(*self._variant)
 
-        def upload(values: Array) -> wp.array:
+        def upload(values: Array | None) -> wp.array:
+            if values is None:
+                return scratch(1, False)
             return wp.array(layout.pack(values), dtype=real, device=device)
 
-        def scratch(components: int) -> wp.array:
-            return wp.zeros((components, layout.rows, layout.columns), dtype=real, device=device)
+        def scratch(components: int, needed: bool = True) -> wp.array:
+            shape = (components, layout.rows, layout.columns) if needed else (1, 1, 1)
+            return wp.zeros(shape, dtype=real, device=device)
 
-        self.share = upload(self.stiffness.share)
+        self.share, self.t = upload(self.stiffness.share), upload(self.stiffness.edges)
         if self.stiffness.uniform:
             same = np.repeat(self.stiffness.cells[:, None, None], layout.lane_width, axis=-1)
             self.K: wp.array = wp.array(same, dtype=real, device=device)
         else:
             self.K = upload(self.stiffness.cells)
-        none: wp.array = wp.zeros((1, 1, 1), dtype=real, device=device)
-        self.t = none if self.stiffness.edges is None else upload(self.stiffness.edges)
         ratios = (real(ratio) for ratio in self.stiffness.ratios)
         self._law = (self.share, self.K, self.t, *ratios, int(not self.stiffness.uniform))
         self.q0 = scratch(kernels.NUMBER_COMPONENTS)
-        self.mean = scratch(kernels.NUMBER_COMPONENTS)
-        self.stress = scratch(kernels.NUMBER_COMPONENTS)
+        self.tension = scratch(kernels.TENSION_COMPONENTS)
+        self.volume, self.hardness = upload(self.stiffness.volume), scratch(1, self.barrier)
         self.flux = scratch(kernels.FLUX_COMPONENTS)
+        self._fluxes = self._words.Fluxes()
+        self._fluxes.flux = self.flux
+        self._fluxes.stride = wp.array([layout.stride], dtype=wp.int32, device=device)
         self.measure(upload(rest), self.q0)
 
     @property
     def kernels(self) -> tuple[str, ...]:
         """Names of the kernels that a step launches."""
-        names = ("stress_cells", "sum_stress", "gather_gradient", "product_cells", "gather_product", "energy_cells")
+        names = ("stress_cells", "product_cells", "gather", "energy_cells")
         return (*(f"solid.{name}" for name in names), "solid_blocks.block_nodes")
 
     def bytes(self) -> int:
         """Device memory that the term keeps [bytes]."""
-        return sum(a.capacity for a in (self.share, self.K, self.t, self.q0, self.mean, self.stress, self.flux))
+        arrays = (self.share, self.K, self.t, self.q0, self.tension, self.volume, self.hardness, self.flux)
+        return sum(a.capacity for a in arrays)
 
     def _launch(self, kernel: Any, *arguments: Any) -> None:
         """Launch over the rows from the first node's to the last one's."""
         layout = self._layout
         dim = (layout.rows - 2 * layout.first_row, layout.groups)
-        wp.launch(kernel, dim=dim, inputs=[layout.first_row, layout.stride, *arguments], device=self._device)
+        wp.launch(kernel, dim=dim, inputs=[layout.first_row, *arguments], device=self._device)
 
     def coarser(self, transfer: Coarsening) -> "SolidElasticity":
         """The solid through the coarse nodes, with the kernels of this one."""
@@ -97,16 +104,21 @@ class SolidElasticity(Force):
         )
 
     def coarsen(self, transfer: Coarsening, coarse: CoarseTerm) -> None:
-        """Mean stress of the fine cells: strains measured on a coarse grid would be those of another shape."""
+        """Mean tension of the fine cells: strains measured on a coarse grid would be those of another shape."""
         assert isinstance(coarse, SolidElasticity)
-        k = solid_levels(self._layout.lane_width, self._real)
-        inputs = [self.mean, transfer.cells, *(self._real(growth) for growth in transfer.growth), coarse.mean]
-        wp.launch(k.average_stress, dim=transfer.layout.lane_dim, inputs=inputs, device=self._device)
-        coarse._launch(k.sum_means, coarse.mean, coarse.stress)
+        k, cells = solid_levels(self._layout.lane_width, self._real), transfer.cells
+        dim, growth = transfer.layout.lane_dim, [self._real(grown) for grown in transfer.growth]
+        wp.launch(
+            k.average_tension, dim=dim, inputs=[self.tension, cells, *growth, coarse.tension], device=self._device
+        )  # fmt: skip
+        if self.barrier:
+            volume = self._real(float(np.prod(transfer.growth)))
+            inputs = [self.hardness, cells, volume, coarse.hardness]
+            wp.launch(k.average_hardness, dim=dim, inputs=inputs, device=self._device)
 
     def measure(self, position: wp.array, q_out: wp.array) -> None:
         """Strain numbers q of the edges and faces that begin at each node, shape (6, rows, columns), of a shape."""
-        self._launch(self._words.measure, position, q_out)
+        self._launch(self._words.measure, self._layout.stride, position, q_out)
 
     def metric(self, position: wp.array) -> "SolidMetric":
         """The metric tensor of a shape, from the same operators as the energy (host); positions (3, rows, columns)."""
@@ -115,30 +127,35 @@ class SolidElasticity(Force):
         return metric_of(self._layout.unpack(q.numpy()), self._spacing)
 
     def linearise(self, body: GridArrays, position: wp.array) -> None:
-        """Stresses at `position`, of which gradient and Hessian are made."""
-        k = self._words
-        self._launch(k.stress_cells, position, self.q0, *self._law, self.mean, self.flux)
-        self._launch(k.sum_stress, self.flux, self.stress)
+        """Stresses, and the coefficients of the Hessian at `position`."""
+        self._launch(
+            self._words.stress_cells, self._layout.stride, position, self.q0, *self._law, self.volume,
+            self.tension, self.hardness, self.flux,
+        )  # fmt: skip
         self._position = position
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
-        """Add the elastic energy [J]."""
-        self._launch(self._words.energy_cells, position, self.q0, *self._law, partials)
+        """Add the elastic energy [J]; infinite where there is a barrier and a cell is flat or inside out."""
+        k = self._words
+        self._launch(k.energy_cells, self._layout.stride, position, self.q0, *self._law, self.volume, partials)
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
-        """Add the exact derivative of the energy."""
-        self._launch(self._words.gather_gradient, position, self.stress, gradient)
+        """Add the exact derivative of the energy; uses the stresses of `linearise` (before any Hessian product)."""
+        self._launch(self._words.gather, self._fluxes, gradient)
 
     def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
         """Add the projected Hessian times `direction`."""
         k = self._words
-        self._launch(k.product_cells, self._position, *self._law, direction, self.flux)
-        self._launch(k.gather_product, self._position, self.stress, direction, self.flux, product)
+        self._launch(
+            k.product_cells, self._layout.stride, self._position, *self._law, self.tension, self.hardness, direction,
+            self.flux,
+        )  # fmt: skip
+        self._launch(k.gather, self._fluxes, product)
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian."""
-        k = solid_blocks(self._layout.lane_width, self._real, self.stiffness.orthogonal)
-        self._launch(k.block_nodes, self._position, *self._law, self.stress, blocks)
+        kernel = solid_blocks(*self._variant).block_nodes
+        self._launch(kernel, self._layout.stride, self._position, *self._law, self.tension, self.hardness, blocks)
 
 
 @dataclass(frozen=True)
