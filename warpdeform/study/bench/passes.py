@@ -33,12 +33,17 @@ class Sheet:
         device: Warp device.
 
     Attributes:
+        axes: Axes of the grid.
+        side: Nodes along each side.
         node_count: Nodes in all.
         dim: Threads along each axis of a launch over lane groups.
         vector_size: Bytes of a vector.
     """
 
+    axes = 2
+
     def __init__(self, nodes: int, precision: str, width: int, device: Any) -> None:
+        self.side = nodes
         shape = sheet(nodes=(nodes, nodes), size=(1.0, 1.0))
         cloth = Material(areal_density=0.2, membrane_stiffness=1000.0, poisson_ratio=0.3)
         shell = replace(cloth, bending_stiffness=1e-5)
@@ -122,10 +127,10 @@ class Limit:
 
 @dataclass(frozen=True)
 class Pass:
-    """A pass: its name, how to launch it once on a sheet, and its limit."""
+    """A pass: its name, how to launch it once on a sheet or block, and its limit."""
 
     name: str
-    launch: Callable[[Sheet], None]
+    launch: Callable[[Any], None]
     limit: Limit | None = None
 
 
