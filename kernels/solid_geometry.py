@@ -181,8 +181,10 @@ def solid_geometry(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
     def plane_stress(
         K: wp.array3d(dtype=real), plane: real, i: int, j: int, first: int, second: int, pair: int, e1: L, e2: L, c: L
     ):  # fmt: skip
-        """Stresses of what varies along one axis, of the strains of the two others: `pair` is their number among 12,
-        13, 23, `first` and `second` are they themselves."""
+        """Stresses of what varies along one axis, of the strains of the two others, `first` and `second`.
+
+        `pair` is their place among 12, 13, 23.
+        """
         if wp.static(orthogonal):
             k12 = load1(K, 9 + pair, i, j)
             return (
