@@ -17,7 +17,8 @@ paper's weights in any chart. Else edges count by t q, relative to their rest le
 Squared lengths do not tell a cell from its mirror image. The `barrier` variant adds an energy that does, in the signed
 volume J of the mean edges over its value at rest (:mod:`warpdeform.kernels.solid_volume`).
 
-Cells write the forces on their corners, nodes gather them. Seven corners are written, the eighth has minus their sum.
+Cells write the forces on their corners, nodes gather them (:mod:`warpdeform.kernels.solid_gather`), whatever the
+variant. Seven corners are written, the eighth has minus their sum.
 In the basis of mean edges and their differences the same product took 1.1 to 1.3 times as long; eighteen stresses in
 place of the forces, and forces formed at the nodes, took as long as this, but read the positions twice.
 
@@ -37,8 +38,6 @@ from warpdeform.kernels.lanes import kernel_module, lanes
 from warpdeform.kernels.solid_geometry import solid_geometry
 from warpdeform.kernels.solid_volume import solid_volume
 
-FLUX_COMPONENTS = 21
-"""Derivatives of a cell's energy by its corners 100, 010, 110, 001, 101, 011, 111."""
 NUMBER_COMPONENTS = 6
 """What is kept of the edges along u, v, w and of the faces uv, uw, vw that begin at a node."""
 TENSION_COMPONENTS = 6
@@ -61,12 +60,11 @@ def solid(width: int, real: Any, orthogonal: bool, barrier: bool) -> SimpleNames
         barrier: Include the barrier against inversion; False compiles none of it.
 
     Returns:
-        Kernels ``measure``, ``stress_cells``, ``product_cells``, ``gather`` and ``energy_cells``; what ``gather`` takes
-        from where: the struct ``Fluxes`` and the word ``gathered``.
+        Kernels ``measure``, ``stress_cells``, ``product_cells`` and ``energy_cells``.
     """
     words, shape, room = lanes(width, real), solid_geometry(width, real, orthogonal), solid_volume(width, real)
     L, V = words.L, words.V
-    load1, load3, store1, store3, add3 = words.load1, words.load3, words.store1, words.store3, words.add3
+    load1, load3, store1, store3 = words.load1, words.load3, words.store1, words.store3
     dot3, scale, mul, at_least = words.dot3, words.scale, words.mul, words.at_least
     splat, sum_lanes = words.splat, words.sum_lanes
     numbers, strains, stress = shape.numbers, shape.strains, shape.stress
@@ -271,30 +269,6 @@ def solid(width: int, real: Any, orthogonal: bool, barrier: bool) -> SimpleNames
             load1(tension, 3, i, j), load1(tension, 4, i, j), load1(tension, 5, i, j), push,
         )  # fmt: skip
 
-    @wp.struct
-    class Fluxes:
-        flux: wp.array3d(dtype=real)
-        stride: wp.array(dtype=wp.int32)  # rows to the next node along u, shape (1,)
-
-    @wp.func
-    def gathered(fluxes: Fluxes, i: int, j: int):
-        """What the forces on the corners of its eight cells make of a node's."""
-        flux, u = fluxes.flux, fluxes.stride[0]
-        # The node is corner 000 of the cell ahead of it along all axes.
-        ahead = (load3(flux, 0, i, j) + load3(flux, 3, i, j)) + (load3(flux, 6, i, j) + load3(flux, 9, i, j))
-        ahead = ahead + ((load3(flux, 12, i, j) + load3(flux, 15, i, j)) + load3(flux, 18, i, j))
-        f = (load3(flux, 0, i - u, j) + load3(flux, 3, i - 1, j)) + (
-            load3(flux, 6, i - u - 1, j) + load3(flux, 9, i, j - 1)
-        )
-        f = f + ((load3(flux, 12, i - u, j - 1) + load3(flux, 15, i - 1, j - 1)) + load3(flux, 18, i - u - 1, j - 1))
-        return f - ahead
-
-    @wp.kernel(module=module)
-    def gather(first: int, fluxes: Fluxes, force_out: wp.array3d(dtype=real)):
-        ii, group = wp.tid()
-        i, j = ii + first, (group + 1) * width
-        add3(force_out, 0, i, j, gathered(fluxes, i, j))
-
     @wp.kernel(module=module)
     def energy_cells(
         first: int,
@@ -335,8 +309,5 @@ def solid(width: int, real: Any, orthogonal: bool, barrier: bool) -> SimpleNames
         measure=measure,
         stress_cells=stress_cells,
         product_cells=product_cells,
-        gather=gather,
         energy_cells=energy_cells,
-        Fluxes=Fluxes,
-        gathered=gathered,
     )

@@ -102,6 +102,6 @@ def test_no_factory_of_kernels_is_overlooked() -> None:
     assert found >= WORDS_ONLY
     assert {"krylov", "reductions", "stage", "decisions", "surface", "surface_coupling"} <= found
     assert {"fields", "guards", "wind"} <= found
-    assert {"solid", "solid_blocks", "solid_levels"} <= found
+    assert {"solid", "solid_blocks", "solid_gather", "solid_levels"} <= found
     modules = [kernels_of(*variant.values)[0].module.name for variant in VARIANTS]
     assert len(set(modules)) == len(modules)

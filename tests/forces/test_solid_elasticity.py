@@ -27,7 +27,7 @@ from solids import (
 from surfaces import REALS, WIDTHS, noise, spacing, turned
 
 from warpdeform.forces.solid_elasticity import SolidMetric
-from warpdeform.kernels.solid import FLUX_COMPONENTS
+from warpdeform.kernels.solid_gather import FLUX_COMPONENTS
 
 Array = np.ndarray[Any, Any]
 

@@ -12,6 +12,7 @@ from warpdeform.forces.solid_coefficients import SolidStiffness, solid_stiffness
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.kernels import solid as kernels
 from warpdeform.kernels.solid_blocks import solid_blocks
+from warpdeform.kernels.solid_gather import FLUX_COMPONENTS, solid_gather
 from warpdeform.kernels.solid_levels import solid_levels
 from warpdeform.material import Material
 
@@ -51,7 +52,7 @@ class SolidElasticity(Force):
         self._rest, self._material, self._spacing = rest, material, grid.spacing
         self._layout, self._device, self._real = layout, device, real
         self._variant = (layout.lane_width, real, self.stiffness.orthogonal, self.barrier)
-        self._words = kernels.solid(*self._variant)
+        self._words, self._gather = kernels.solid(*self._variant), solid_gather(layout.lane_width, real)
 
         def upload(values: Array | None) -> wp.array:
             if values is None:
@@ -73,8 +74,8 @@ class SolidElasticity(Force):
         self.q0 = scratch(kernels.NUMBER_COMPONENTS)
         self.tension = scratch(kernels.TENSION_COMPONENTS)
         self.volume, self.hardness = upload(self.stiffness.volume), scratch(1, self.barrier)
-        self.flux = scratch(kernels.FLUX_COMPONENTS)
-        self._fluxes = self._words.Fluxes()
+        self.flux = scratch(FLUX_COMPONENTS)
+        self._fluxes = self._gather.Fluxes()
         self._fluxes.flux = self.flux
         self._fluxes.stride = wp.array([layout.stride], dtype=wp.int32, device=device)
         self.measure(upload(rest), self.q0)
@@ -82,8 +83,8 @@ class SolidElasticity(Force):
     @property
     def kernels(self) -> tuple[str, ...]:
         """Names of the kernels that a step launches."""
-        names = ("stress_cells", "product_cells", "gather", "energy_cells")
-        return (*(f"solid.{name}" for name in names), "solid_blocks.block_nodes")
+        names = ("stress_cells", "product_cells", "energy_cells")
+        return (*(f"solid.{name}" for name in names), "solid_gather.gather", "solid_blocks.block_nodes")
 
     def bytes(self) -> int:
         """Device memory that the term keeps [bytes]."""
@@ -141,7 +142,7 @@ class SolidElasticity(Force):
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the exact derivative of the energy; uses the stresses of `linearise` (before any Hessian product)."""
-        self._launch(self._words.gather, self._fluxes, gradient)
+        self._launch(self._gather.gather, self._fluxes, gradient)
 
     def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
         """Add the projected Hessian times `direction`."""
@@ -150,7 +151,7 @@ class SolidElasticity(Force):
             k.product_cells, self._layout.stride, self._position, *self._law, self.tension, self.hardness, direction,
             self.flux,
         )  # fmt: skip
-        self._launch(k.gather, self._fluxes, product)
+        self._launch(self._gather.gather, self._fluxes, product)
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian."""
