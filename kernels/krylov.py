@@ -53,10 +53,30 @@ def krylov(width: int, real: Any) -> SimpleNamespace:
     module = kernel_module("krylov", width, real)
 
     @wp.kernel(module=module)
-    def negate(a: wp.array3d(dtype=real), b_out: wp.array3d(dtype=real)):
+    def start_solve(gradient: wp.array3d(dtype=real), x_out: wp.array3d(dtype=real), r_out: wp.array3d(dtype=real)):
+        """x = 0, r = -gradient."""
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        store3(b_out, 0, i, j, V() - load3(a, 0, i, j))
+        store3(x_out, 0, i, j, V())
+        store3(r_out, 0, i, j, V() - load3(gradient, 0, i, j))
+
+    @wp.kernel(module=module)
+    def clear(a_out: wp.array3d(dtype=real)):
+        ii, group = wp.tid()
+        i, j = ii + 1, (group + 1) * width
+        store3(a_out, 0, i, j, V())
+
+    @wp.kernel(module=module)
+    def copy(a: wp.array3d(dtype=real), b_out: wp.array3d(dtype=real)):
+        ii, group = wp.tid()
+        i, j = ii + 1, (group + 1) * width
+        store3(b_out, 0, i, j, load3(a, 0, i, j))
+
+    @wp.kernel(module=module)
+    def copy_blocks(a: wp.array3d(dtype=real), b_out: wp.array3d(dtype=real)):
+        ii, group = wp.tid()
+        i, j = ii + 1, (group + 1) * width
+        store6(b_out, 0, i, j, load6(a, 0, i, j))
 
     @wp.kernel(module=module)
     def dot(a: wp.array3d(dtype=real), b: wp.array3d(dtype=real), partials_out: wp.array2d(dtype=wp.float64)):
@@ -84,25 +104,6 @@ def krylov(width: int, real: Any) -> SimpleNamespace:
         q = scale(load1(free, 0, i, j), load3(q_out, 0, i, j))
         store3(q_out, 0, i, j, q)
         partials_out[i, j] = sum_lanes(dot3(load3(p, 0, i, j), q))
-
-    @wp.kernel(module=module)
-    def start_product(
-        mass: wp.array3d(dtype=real),
-        inertia: wp.array(dtype=real),
-        p: wp.array3d(dtype=real),
-        q_out: wp.array3d(dtype=real),
-    ):
-        """q = M p / tau^2."""
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        store3(q_out, 0, i, j, scale(inertia[0] * load1(mass, 0, i, j), load3(p, 0, i, j)))
-
-    @wp.kernel(module=module)
-    def start_product_blocks(blocks: wp.array3d(dtype=real), p: wp.array3d(dtype=real), q_out: wp.array3d(dtype=real)):
-        """q = B p with the node blocks B, which hold M / tau^2."""
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        store3(q_out, 0, i, j, apply6(load6(blocks, 0, i, j), load3(p, 0, i, j)))
 
     @wp.kernel(module=module)
     def start_blocks(mass: wp.array3d(dtype=real), inertia: wp.array(dtype=real), blocks_out: wp.array3d(dtype=real)):
@@ -179,12 +180,13 @@ def krylov(width: int, real: Any) -> SimpleNamespace:
 
     return SimpleNamespace(
         module=module,
-        negate=negate,
+        start_solve=start_solve,
+        clear=clear,
+        copy=copy,
+        copy_blocks=copy_blocks,
         dot=dot,
         mask=mask,
         mask_dot=mask_dot,
-        start_product=start_product,
-        start_product_blocks=start_product_blocks,
         start_blocks=start_blocks,
         invert_blocks=invert_blocks,
         invert_traces=invert_traces,
@@ -201,9 +203,7 @@ def reductions() -> SimpleNamespace:
     module = kernel_module("reductions", 1, wp.float64)
 
     @wp.kernel(module=module)
-    def sum_rows(
-        partials: wp.array2d(dtype=wp.float64), stride: int, offset: int, rows_out: wp.array2d(dtype=wp.float64)
-    ):
+    def sum_rows(partials: wp.array2d(dtype=wp.float64), stride: int, rows_out: wp.array2d(dtype=wp.float64)):
         """Sum and sum of magnitudes of every `stride`-th entry of a row."""
         i = wp.tid()
         total, size = wp.float64(0.0), wp.float64(0.0)
@@ -211,13 +211,11 @@ def reductions() -> SimpleNamespace:
             x = partials[i + 1, k * stride]
             total += x
             size += wp.abs(x)
-        rows_out[0, offset + i] = total
-        rows_out[1, offset + i] = size
+        rows_out[0, i] = total
+        rows_out[1, i] = size
 
     @wp.kernel(module=module)
-    def max_rows(
-        partials: wp.array2d(dtype=wp.float64), stride: int, offset: int, rows_out: wp.array2d(dtype=wp.float64)
-    ):
+    def max_rows(partials: wp.array2d(dtype=wp.float64), stride: int, rows_out: wp.array2d(dtype=wp.float64)):
         """Largest of every `stride`-th entry of a row; not a number if any is."""
         i = wp.tid()
         worst = wp.float64(0.0)
@@ -225,7 +223,7 @@ def reductions() -> SimpleNamespace:
             x = partials[i + 1, k * stride]
             if x > worst or wp.isnan(x):
                 worst = x
-        rows_out[0, offset + i] = worst
+        rows_out[0, i] = worst
 
     @wp.kernel(module=module)
     def total(rows: wp.array2d(dtype=wp.float64), entry: int, scalars_out: wp.array(dtype=wp.float64)):

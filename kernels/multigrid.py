@@ -1,4 +1,4 @@
-"""Geometric multigrid on component arrays: transfers, the Chebyshev smoother, the coarsest solve.
+"""Geometric multigrid on component arrays: transfers, the start of the smoother, blocks, the coarsest solve.
 
 Notation of design 7.1: A the matrix, D its diagonal blocks, C what of them stems from node-wise terms (contact,
 springs, friction, air), E = D - C the elastic block with the mass. A coarse correction is filtered by F = D^-1 E before
@@ -13,11 +13,8 @@ import warp as wp
 
 from warpdeform.kernels.choice import BOUNDED, LONG
 from warpdeform.kernels.lanes import kernel_module, lanes
+from warpdeform.kernels.products import RATE
 from warpdeform.kernels.transfer import transfer_tables, transfers
-
-# Columns of the rates of a smoother.
-KEEP = wp.constant(0)
-RATE = wp.constant(1)
 
 MOST_STIFFENING = 1.0e6
 """Largest |C| / |E| that a coarser grid is told of: beyond, float32 could not tell E in C any more."""
@@ -80,29 +77,6 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         store3(z_out, 0, i, j, load3(z_out, 0, i, j) + d)
 
     @wp.kernel(module=module)
-    def retire(free: wp.array3d(dtype=real), q: wp.array3d(dtype=real), r_out: wp.array3d(dtype=real)):
-        """r = r - q on the free nodes."""
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        store3(r_out, 0, i, j, load3(r_out, 0, i, j) - scale(load1(free, 0, i, j), load3(q, 0, i, j)))
-
-    @wp.kernel(module=module)
-    def retire_filtered(
-        free: wp.array3d(dtype=real),
-        elastic: wp.array3d(dtype=real),
-        inverse: wp.array3d(dtype=real),
-        q: wp.array3d(dtype=real),
-        r_out: wp.array3d(dtype=real),
-        d_out: wp.array3d(dtype=real),
-    ):
-        """r = r - q on the free nodes, and d = F' r, which goes to the coarse grid."""
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        r = load3(r_out, 0, i, j) - scale(load1(free, 0, i, j), load3(q, 0, i, j))
-        store3(r_out, 0, i, j, r)
-        store3(d_out, 0, i, j, apply6(load6(elastic, 0, i, j), apply6(load6(inverse, 0, i, j), r)))
-
-    @wp.kernel(module=module)
     def start_smoother(
         free: wp.array3d(dtype=real),
         inverse: wp.array3d(dtype=real),
@@ -124,29 +98,6 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         store3(r_out, 0, i, j, residual)
         store3(d_out, 0, i, j, d)
         store3(z_out, 0, i, j, d)
-
-    @wp.kernel(module=module)
-    def smooth(
-        free: wp.array3d(dtype=real),
-        inverse: wp.array3d(dtype=real),
-        q: wp.array3d(dtype=real),
-        rates: wp.array3d(dtype=real),
-        caution: wp.array(dtype=wp.int32),
-        step: int,
-        r_out: wp.array3d(dtype=real),
-        d_out: wp.array3d(dtype=real),
-        z_out: wp.array3d(dtype=real),
-    ):
-        """r = r - q with q = A d;  d = keep d + rate D^-1 r;  z = z + d."""
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        f, which = load1(free, 0, i, j), caution[BOUNDED] + 2 * caution[LONG]
-        residual = load3(r_out, 0, i, j) - scale(f, load3(q, 0, i, j))
-        d = scale(rates[which, step, RATE] * f, apply6(load6(inverse, 0, i, j), residual))
-        d = d + scale(splat(rates[which, step, KEEP]), load3(d_out, 0, i, j))
-        store3(r_out, 0, i, j, residual)
-        store3(d_out, 0, i, j, d)
-        store3(z_out, 0, i, j, load3(z_out, 0, i, j) + d)
 
     @wp.kernel(module=module)
     def split_blocks(
@@ -198,10 +149,7 @@ def multigrid(width: int, real: Any) -> SimpleNamespace:
         add_carried_blocks=add_carried_blocks,
         correct=correct,
         correct_filtered=correct_filtered,
-        retire=retire,
-        retire_filtered=retire_filtered,
         start_smoother=start_smoother,
-        smooth=smooth,
         split_blocks=split_blocks,
         hold_pins=hold_pins,
     )

@@ -114,6 +114,12 @@ def stage(width: int, real: Any) -> SimpleNamespace:
         store3(b_out, 0, i, j, load3(a, 0, i, j) + scale(length, load3(d, 0, i, j)))
 
     @wp.kernel(module=module)
+    def clear_partials(partials_out: wp.array2d(dtype=wp.float64)):
+        ii, group = wp.tid()
+        for k in range(width):
+            partials_out[ii + 1, (group + 1) * width + k] = wp.float64(0.0)
+
+    @wp.kernel(module=module)
     def add_inertial_energy(
         mass: wp.array3d(dtype=real),
         inertia: wp.array(dtype=real),
@@ -195,6 +201,7 @@ def stage(width: int, real: Any) -> SimpleNamespace:
         place_pins=place_pins,
         difference=difference,
         displace=displace,
+        clear_partials=clear_partials,
         add_inertial_energy=add_inertial_energy,
         inertial_gradient=inertial_gradient,
         work_of_loads=work_of_loads,
@@ -243,11 +250,18 @@ def decisions() -> SimpleNamespace:
         flush_denormals(flushed[0])
 
     @wp.kernel(module=module)
-    def begin_step(scalars_out: wp.array(dtype=wp.float64), state_out: wp.array(dtype=wp.int32)):
+    def begin_step(
+        scalars_out: wp.array(dtype=wp.float64),
+        state_out: wp.array(dtype=wp.int32),
+        iteration_out: wp.array(dtype=wp.int32),
+        impact_out: wp.array(dtype=wp.int32),
+    ):
         scalars_out[LENGTH] = wp.float64(1.0)
         for k in range(state_out.shape[0]):
             state_out[k] = 0
         state_out[NEWTON_ACTIVE] = 1
+        iteration_out[0] = 0
+        impact_out[0] = 0
 
     @wp.kernel(module=module)
     def choose_start(limits: wp.array(dtype=wp.int32), scalars_out: wp.array(dtype=wp.float64)):

@@ -34,6 +34,7 @@ from typing import Any
 import warp as wp
 
 from warpdeform.kernels.lanes import kernel_module, lanes
+from warpdeform.kernels.products import Gathering
 from warpdeform.kernels.surface_geometry import geometry
 
 FLUX_COMPONENTS = 9
@@ -66,7 +67,7 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
 
     Returns:
         Kernels ``stress_cells``, ``stress_nodes``, ``product_cells``, ``product_nodes``, ``gather``, ``energy_cells``,
-        ``energy_nodes``, ``measure_membrane`` and ``measure_bending``.
+        ``energy_nodes``, ``measure_membrane`` and ``measure_bending``; ``gathering``, for products with A.
     """
     words, shape = lanes(width, real), geometry(width, real, orthogonal)
     load1, load3, store1, store3 = words.load1, words.load3, words.store1, words.store3
@@ -210,15 +211,16 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
         g1, g2 = mul(moment1, g111) + mul(moment2, g122), mul(moment1, g211) + mul(moment2, g222)
         store_scatter(scatter_out, alpha_u, alpha_v, i, j, moment1, moment2, g1, g2)
 
-    @wp.kernel(module=module)
-    def gather(
-        flux: wp.array3d(dtype=real),
-        flexure: wp.array3d(dtype=real),
-        scatter: wp.array3d(dtype=real),
-        force_out: wp.array3d(dtype=real),
-    ):
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
+    @wp.struct
+    class Fluxes:
+        flux: wp.array3d(dtype=real)
+        flexure: wp.array3d(dtype=real)
+        scatter: wp.array3d(dtype=real)
+
+    @wp.func
+    def gathered(fluxes: Fluxes, i: int, j: int):
+        """What the fluxes of its cells and of the samples around it make of a node's force."""
+        flux, flexure, scatter = fluxes.flux, fluxes.flexure, fluxes.scatter
         # The node is corner 00, 10, 01 and 11 of its four cells.
         f = (load3(flux, 6, i, j) - load3(flux, 0, i, j)) + (load3(flux, 3, i - 1, j) - load3(flux, 6, i - 1, j))
         f = f + (load3(flux, 0, i - 1, j - 1) + load3(flux, 6, i - 1, j - 1))
@@ -236,7 +238,13 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
                 + scale(load1(scatter, 3, i, j + 1), load3(flexure, 0, i, j + 1))
             )
             f = f - scale(own, load3(flexure, 0, i, j))
-        add3(force_out, 0, i, j, f)
+        return f
+
+    @wp.kernel(module=module)
+    def gather(fluxes: Fluxes, force_out: wp.array3d(dtype=real)):
+        ii, group = wp.tid()
+        i, j = ii + 1, (group + 1) * width
+        add3(force_out, 0, i, j, gathered(fluxes, i, j))
 
     @wp.kernel(module=module)
     def energy_cells(
@@ -312,6 +320,7 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
         stress_nodes=stress_nodes,
         product_nodes=product_nodes,
         gather=gather,
+        gathering=Gathering(f"surface_{variant_name(orthogonal, bending)}", gathered, Fluxes),
         energy_cells=energy_cells,
         energy_nodes=energy_nodes,
         measure_membrane=measure_membrane,

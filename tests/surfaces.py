@@ -13,9 +13,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpdeform.forces.surface_elasticity import SurfaceElasticity
-from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.grid import Layout
 from warpdeform.material import Material, PaperWeights
-from warpdeform.shape import RestShape, arc, from_map, sheet
+from warpdeform.shape import RestShape, arc, from_map, sheet, torus, tube
 
 Array = NDArray[Any]
 
@@ -61,6 +61,30 @@ def parallelogram(nodes: tuple[int, int], degrees: float = 45.0) -> RestShape:
     return from_map(lambda u, v: np.stack([u + lean * v, v, 0 * u], -1), nodes, ((0, 1), (0, 0.7)))
 
 
+def transposed(rest: RestShape) -> RestShape:
+    """The shape with its axes exchanged."""
+    swap = slice(None, None, -1)
+    return RestShape(rest.positions.transpose(1, 0, 2), rest.spacing[swap], rest.periodic[swap])
+
+
+def screw(nodes: tuple[int, int]) -> RestShape:
+    """A tube whose v axis winds around it: closed along u, skewed, so that b12 couples to b11 and b22."""
+    return from_map(
+        lambda u, v: np.stack([0.4 * np.cos(u + v), (0.3 + 0.1 * v) * np.sin(u + v), v], -1),
+        nodes, ((0, 2 * np.pi), (0, 0.7)), (True, False),
+    )  # fmt: skip
+
+
+def knot(nodes: tuple[int, int]) -> RestShape:
+    """A torus whose u axis winds around its tube: closed both ways and skewed."""
+
+    def wound(u: Array, v: Array) -> Array:
+        out = 0.8 + 0.2 * np.cos(u + v)
+        return np.stack([out * np.cos(u), out * np.sin(u), 0.2 * np.sin(u + v)], -1)
+
+    return from_map(wound, nodes, ((0, 2 * np.pi), (0, 2 * np.pi)), (True, True))
+
+
 SHAPES: dict[str, Callable[[tuple[int, int]], RestShape]] = {
     "flat": lambda nodes: sheet(nodes, (1.0, 0.7)),
     "arc": lambda nodes: arc(nodes, radius=0.5, angle=100.0, length=0.7),
@@ -70,6 +94,19 @@ SHAPES: dict[str, Callable[[tuple[int, int]], RestShape]] = {
 }
 CASES = [(shape, material) for shape in SHAPES for material in MATERIALS]
 """Every shape with every material; bump and parallelogram couple b12 to b11 and b22."""
+CLOSED: dict[str, Callable[[tuple[int, int]], RestShape]] = {
+    "tube": lambda nodes: tube(nodes, radius=0.3, length=0.7),
+    "tube along u": lambda nodes: transposed(tube(nodes[::-1], radius=0.3, length=0.7)),
+    "torus": lambda nodes: torus(nodes, radius=0.5, tube_radius=0.2),
+    "screw": screw,
+    "knot": knot,
+}
+"""Shapes with periodic axes."""
+CLOSED_CASES = [
+    *((shape, material) for shape in CLOSED for material in ("membrane", "isotropic")),
+    ("tube", "orthotropic"), ("tube along u", "paper"), ("torus", "shell"), ("screw", "shell"), ("knot", "paper"),
+]  # fmt: skip
+"""Closed shapes with materials; screw and knot couple b12 to b11 and b22."""
 CORNERS = ((0, 0), (1, 0), (0, 1), (1, 1))
 """Offsets (di, dj) of a cell's corners 00, 10, 01, 11."""
 
@@ -116,9 +153,8 @@ class Surface:
 
     def __init__(self, rest: RestShape, material: Material, real: Any = wp.float64, lane_width: int = 1) -> None:
         self.real, self.nodes, self.rest = real, rest.nodes, rest.positions
-        self.layout = Layout(rest.nodes, lane_width)
-        grid = ParameterGrid(rest.nodes, rest.spacing)
-        self.force = SurfaceElasticity(grid, self.layout, rest.positions, material, real, "cpu")
+        self.layout = Layout(rest.nodes, lane_width, rest.periodic)
+        self.force = SurfaceElasticity(rest.grid, self.layout, rest.positions, material, real, "cpu")
 
     def upload(self, values: Array) -> wp.array:
         return wp.array(self.layout.pack(values), dtype=self.real, device="cpu")
@@ -162,46 +198,71 @@ def unit(a: Array) -> Array:
     return np.asarray(a / np.sqrt(dot(a, a))[..., None])
 
 
+OPEN = (False, False)
+
+
+def closed(r: Array, periodic: tuple[bool, ...]) -> Array:
+    """Positions with the first ones again behind the last along periodic axes: every cell has its corners."""
+    return np.pad(r, [(0, int(p)) for p in periodic] + [(0, 0)], mode="wrap")
+
+
+def tangents(r: Array, periodic: tuple[bool, ...] = OPEN) -> list[Array]:
+    """Undivided central differences at the nodes, one-sided at borders."""
+    return [
+        (np.roll(r, -1, axis=axis) - np.roll(r, 1, axis=axis)) / 2 if wraps else np.gradient(r, axis=axis)
+        for axis, wraps in enumerate(periodic)
+    ]
+
+
+def between(nodes: tuple[int, int], periodic: tuple[bool, ...] = OPEN) -> list[Array]:
+    """Whether the nodes have both neighbours, along u and along v, shape (nu, nv) each."""
+    inside = [wraps | np.isin(np.arange(n), (0, n - 1), invert=True) for n, wraps in zip(nodes, periodic, strict=True)]
+    return np.meshgrid(*inside, indexing="ij")
+
+
+def at_corner(cells: tuple[int, ...], nodes: tuple[int, int], corner: tuple[int, int]) -> Any:
+    """Index of the nodes that are that corner of the cells."""
+    return np.ix_(*((np.arange(count) + step) % n for count, n, step in zip(cells, nodes, corner, strict=True)))
+
+
 def mean_edges(r: Array) -> tuple[Array, Array]:
     u, v = np.diff(r, axis=0), np.diff(r, axis=1)
     return (u[:, :-1] + u[:, 1:]) / 2, (v[:-1] + v[1:]) / 2
 
 
 def membrane_numbers(r: Array) -> Array:
-    """Per cell the squared lengths of its u-edges and v-edges and m1.m2, shape (nu - 1, nv - 1, 5)."""
+    """Per cell the squared lengths of its u-edges and v-edges and m1.m2, shape (*cells, 5), of closed positions."""
     u, v = np.diff(r, axis=0), np.diff(r, axis=1)
     lu, lv = dot(u, u), dot(v, v)
     return np.stack([lu[:, :-1], lu[:, 1:], lv[:-1], lv[1:], dot(*mean_edges(r))], axis=-1)
 
 
-def bending_numbers(r: Array) -> tuple[Array, Array]:
+def bending_numbers(r: Array, periodic: tuple[bool, ...] = OPEN) -> tuple[Array, Array]:
     """Undivided B11, B22 at the nodes, zero where a neighbour is missing, and B12 at the cells."""
-    n = unit(np.cross(np.gradient(r, axis=0), np.gradient(r, axis=1)))
-    b = np.zeros((*r.shape[:2], 2), dtype=r.dtype)
-    b[1:-1, :, 0] = dot(n[1:-1], r[2:] - 2 * r[1:-1] + r[:-2])
-    b[:, 1:-1, 1] = dot(n[:, 1:-1], r[:, 2:] - 2 * r[:, 1:-1] + r[:, :-2])
-    return b, dot(unit(np.cross(*mean_edges(r))), r[:-1, :-1] - r[1:, :-1] - r[:-1, 1:] + r[1:, 1:])
+    n, inside = unit(np.cross(*tangents(r, periodic))), between(r.shape[:2], periodic)
+    second = [np.roll(r, -1, axis=axis) - 2 * r + np.roll(r, 1, axis=axis) for axis in (0, 1)]
+    b = np.stack([np.where(has, dot(n, s), 0.0) for has, s in zip(inside, second, strict=True)], axis=-1)
+    c = closed(r, periodic)
+    return b, dot(unit(np.cross(*mean_edges(c))), c[:-1, :-1] - c[1:, :-1] - c[:-1, 1:] + c[1:, 1:])
 
 
 def corner_numbers(b: Array, b12: Array) -> Array:
-    """(b11, b22, b12) as the corners 00, 10, 01, 11 of the cells see them, shape (nu - 1, nv - 1, 4, 3)."""
-    nu, nv = b.shape[:2]
-    at_corners = np.stack([b[di : nu - 1 + di, dj : nv - 1 + dj] for di, dj in CORNERS], axis=2)
+    """(b11, b22, b12) as the corners 00, 10, 01, 11 of the cells see them, shape (*cells, 4, 3)."""
+    at_corners = np.stack([b[at_corner(b12.shape, b.shape[:2], corner)] for corner in CORNERS], axis=2)
     return np.concatenate([at_corners, np.broadcast_to(b12[..., None, None], (*b12.shape, 4, 1))], axis=-1)
 
 
-def existing(nodes: tuple[int, int]) -> Array:
-    """Whether the corners of the cells have b11, b22, b12, shape (nu - 1, nv - 1, 4, 3)."""
-    inside = np.meshgrid(*(np.isin(np.arange(n), (0, n - 1), invert=True) for n in nodes), indexing="ij")
-    return corner_numbers(np.stack(inside, axis=-1), np.ones((nodes[0] - 1, nodes[1] - 1), dtype=bool))
+def existing(nodes: tuple[int, int], periodic: tuple[bool, ...] = OPEN) -> Array:
+    """Whether the corners of the cells have b11, b22, b12, shape (*cells, 4, 3)."""
+    cells = [n if wraps else n - 1 for n, wraps in zip(nodes, periodic, strict=True)]
+    return corner_numbers(np.stack(between(nodes, periodic), axis=-1), np.ones(cells, dtype=bool))
 
 
-def node_weights(corners: Array) -> Array:
-    """What weights at the corners of the cells, shape (nu - 1, nv - 1, 4, 3, 3), add to the nodes' of (b11, b22)."""
-    nu, nv = corners.shape[0] + 1, corners.shape[1] + 1
-    weights = np.zeros((nu, nv, 2, 2))
-    for corner, (di, dj) in enumerate(CORNERS):
-        weights[di : nu - 1 + di, dj : nv - 1 + dj] += corners[:, :, corner, :2, :2]
+def node_weights(corners: Array, nodes: tuple[int, int]) -> Array:
+    """What weights at the corners of the cells, shape (*cells, 4, 3, 3), add to the nodes' of (b11, b22)."""
+    weights = np.zeros((*nodes, 2, 2))
+    for index, corner in enumerate(CORNERS):
+        weights[at_corner(corners.shape[:2], nodes, corner)] += corners[:, :, index, :2, :2]
     return weights
 
 
@@ -213,8 +274,9 @@ class DiscreteEnergy:
         rest: Rest positions, shape (nu, nv, 3).
         membrane: Energy per cell from the change of its five numbers since rest.
         bending: Weights of (b11, b22), shape (nu, nv, 2, 2), or zeros (2, 2).
-        twist: Weights of b12, shape (nu - 1, nv - 1), or 0.
-        corners: Weights of (b11, b22, b12) at the cells' corners, shape (nu - 1, nv - 1, 4, 3, 3), or zeros (3, 3).
+        twist: Weights of b12, shape (*cells), or 0.
+        corners: Weights of (b11, b22, b12) at the cells' corners, shape (*cells, 4, 3, 3), or zeros (3, 3).
+        periodic: Axes that close.
     """
 
     rest: Array
@@ -222,10 +284,17 @@ class DiscreteEnergy:
     bending: Array
     twist: Array
     corners: Array = field(default_factory=lambda: np.zeros((3, 3)))
+    periodic: tuple[bool, ...] = OPEN
+
+    def numbers(self, r: Array) -> Array:
+        return membrane_numbers(closed(r, self.periodic))
+
+    def bends(self, r: Array) -> tuple[Array, Array]:
+        return bending_numbers(r, self.periodic)
 
     def energy(self, r: Array) -> Any:
-        (b, c), (b0, c0) = bending_numbers(r), bending_numbers(self.rest)
-        density = self.membrane(membrane_numbers(r) - membrane_numbers(self.rest)) + self.twist * (c - c0) ** 2 / 2
+        (b, c), (b0, c0) = self.bends(r), self.bends(self.rest)
+        density = self.membrane(self.numbers(r) - self.numbers(self.rest)) + self.twist * (c - c0) ** 2 / 2
         mixed = corner_numbers(b - b0, c - c0)
         mixed = np.einsum("...a,...ab,...b->...", mixed, self.corners, mixed)
         return density.sum() + (np.einsum("...a,...ab,...b->...", b - b0, self.bending, b - b0).sum() + mixed.sum()) / 2
@@ -240,7 +309,7 @@ class DiscreteEnergy:
 
     def projected_hessian(self, r: Array) -> Array:
         """Design 2.1, dense: J' K J, plus the positive parts of the cells' tensions and shear stress."""
-        number = membrane_numbers(r) - membrane_numbers(self.rest)
+        number = self.numbers(r) - self.numbers(self.rest)
         e, zero = np.eye(5), self.membrane(np.zeros_like(number))
         single = [self.membrane(e[a] + 0 * number) - zero for a in range(5)]
         K = np.moveaxis(
@@ -252,10 +321,10 @@ class DiscreteEnergy:
         )  # fmt: skip
         stress = np.einsum("...ab,...b->...a", K, number)
         complex_steps = [r + 1e-30j * p.reshape(r.shape) for p in np.eye(r.size)]
-        J = np.array([membrane_numbers(z).imag for z in complex_steps]) * 1e30
+        J = np.array([self.numbers(z).imag for z in complex_steps]) * 1e30
         H = np.asarray(np.einsum("pija,ijab,qijb->pq", J, K, J))
         H += self._positive_stresses(stress)
-        bends = [bending_numbers(z) for z in complex_steps]
+        bends = [self.bends(z) for z in complex_steps]
         B, C = (np.array([b[k].imag for b in bends]) * 1e30 for k in (0, 1))
         H += np.einsum("pija,ijab,qijb->pq", B, self.bending + np.zeros((*B.shape[1:], 2)), B)
         H += np.einsum("pij,ij,qij->pq", C, self.twist + np.zeros(C.shape[1:]), C)
@@ -268,7 +337,8 @@ class DiscreteEnergy:
         H = np.zeros((self.rest.size, self.rest.size))
         index = np.arange(self.rest.size).reshape(self.rest.shape)
         for i, j in np.ndindex(stress.shape[:2]):
-            corners = index[[i, i + 1, i, i + 1], [j, j, j + 1, j + 1]]  # r00, r10, r01, r11
+            ii, jj = (i + 1) % index.shape[0], (j + 1) % index.shape[1]
+            corners = index[[i, ii, i, ii], [j, j, jj, jj]]  # r00, r10, r01, r11
             edge = np.array([[-1, 1, 0, 0], [0, 0, -1, 1], [-1, 0, 1, 0], [0, -1, 0, 1]])
             m1, m2 = (edge[0] + edge[1]) / 2, (edge[2] + edge[3]) / 2
             S = 2 * stress[i, j, 4]
@@ -281,13 +351,14 @@ class DiscreteEnergy:
 
 def design_energy(shape: RestShape, material: Material) -> DiscreteEnergy:
     """Design 1.3 for a material, orthogonal and skewed charts alike."""
-    rest, weights = shape.positions, material.surface()
+    rest, weights, periodic = shape.positions, material.surface(), shape.periodic
     if isinstance(weights, PaperWeights):
         return _paper_energy(shape, weights)
-    n1, n2 = mean_edges(rest)
+    around = closed(rest, periodic)
+    n1, n2 = mean_edges(around)
     g11, g12, g22 = dot(n1, n1), dot(n1, n2), dot(n2, n2)
     area = np.sqrt(g11 * g22 - g12**2)
-    lengths = membrane_numbers(rest)[..., :4]
+    lengths = membrane_numbers(around)[..., :4]
     # Mean edges in the orthonormal frame that begins with m1: m_i = F_ia e_a.
     F = np.stack([np.sqrt(g11), 0 * g11, g12 / np.sqrt(g11), area / np.sqrt(g11)], -1).reshape(*g11.shape, 2, 2)
     inverse = np.linalg.inv(F)
@@ -302,31 +373,33 @@ def design_energy(shape: RestShape, material: Material) -> DiscreteEnergy:
         return np.asarray(area * (np.einsum("...a,ab,...b->...", voigt, weights.membrane, voigt) / 2 + modes))
 
     if not weights.bending.any():
-        return DiscreteEnergy(rest, membrane, np.zeros((2, 2)), np.zeros(()))
+        return DiscreteEnergy(rest, membrane, np.zeros((2, 2)), np.zeros(()), periodic=periodic)
     if np.abs(g12).max() > 1e-9 * g11.max():
-        return DiscreteEnergy(rest, membrane, np.zeros((2, 2)), np.zeros(()), _corner_weights(F, area, weights.bending))
+        corners = _corner_weights(F, area, weights.bending, existing(shape.nodes, periodic))
+        return DiscreteEnergy(rest, membrane, np.zeros((2, 2)), np.zeros(()), corners, periodic)
     nodes = np.zeros((*shape.nodes, 2, 2))
     share = np.zeros(shape.nodes)
-    for corner in (np.s_[:-1, :-1], np.s_[1:, :-1], np.s_[:-1, 1:], np.s_[1:, 1:]):
-        share[corner] += area / 4
-    t1, t2 = np.gradient(rest, axis=0), np.gradient(rest, axis=1)
+    for corner in CORNERS:
+        share[at_corner(area.shape, shape.nodes, corner)] += area / 4
+    t1, t2 = tangents(rest, periodic)
     D, alone = weights.bending[:2, :2], 1 / np.diag(np.linalg.inv(weights.bending[:2, :2]))
-    nodes[1:-1, 1:-1] = D
-    nodes[1:-1, [0, -1], 0, 0], nodes[[0, -1], 1:-1, 1, 1] = alone
+    along_u, along_v = between(shape.nodes, periodic)
+    nodes[along_u & along_v] = D
+    nodes[along_u & ~along_v, 0, 0], nodes[~along_u & along_v, 1, 1] = alone
     G = np.stack([dot(t1, t1), dot(t2, t2)], -1)
     nodes *= share[..., None, None] / (G[..., :, None] * G[..., None, :])
     # D (1 - nu) B12^2 is 2 D33 B12^2, where D33 belongs to the doubled k12.
-    return DiscreteEnergy(rest, membrane, nodes, 4 * weights.bending[2, 2] * area / (g11 * g22))
+    twist = 4 * weights.bending[2, 2] * area / (g11 * g22)
+    return DiscreteEnergy(rest, membrane, nodes, twist, periodic=periodic)
 
 
-def _corner_weights(F: Array, area: Array, bending: Array) -> Array:
+def _corner_weights(F: Array, area: Array, bending: Array, exists: Array) -> Array:
     """Skewed charts: a quarter of each cell's area times C, with the entries that a corner lacks condensed out."""
     units = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]]])
     inverse = np.linalg.inv(F)
     k = np.einsum("...ai,nij,...bj->...nab", inverse, units, inverse)
     voigt = np.stack([k[..., 0, 0], k[..., 1, 1], 2 * k[..., 0, 1]], -1)
     C = area[..., None, None] / 4 * np.einsum("...na,ab,...mb->...nm", voigt, bending, voigt)
-    exists = existing((area.shape[0] + 1, area.shape[1] + 1))
     weights = np.zeros((*exists.shape, 3))
     for i, j, corner in np.ndindex(exists.shape[:3]):
         kept, lost = np.flatnonzero(exists[i, j, corner]), np.flatnonzero(~exists[i, j, corner])
@@ -348,7 +421,8 @@ def _paper_energy(shape: RestShape, weights: PaperWeights) -> DiscreteEnergy:
         )
         return np.asarray(h1 * h2 / 4 * (on_edges / 2 + 2 * eta[2] * (change[..., 4] / (h1 * h2)) ** 2))
 
-    trapezoid = [np.where(np.isin(np.arange(n), (0, n - 1)), 0.5, 1.0) for n in shape.nodes]
-    share = h1 * h2 * np.outer(*trapezoid)
+    halves = [np.where(has, 1.0, 0.5) for has in between(shape.nodes, shape.periodic)]
+    share = h1 * h2 * halves[0] * halves[1]
     bending = share[..., None, None] * np.diag([xi[0] / h1**4, xi[1] / h2**4])
-    return DiscreteEnergy(shape.positions, membrane, bending, np.array(2 * xi[2] / (h1 * h2)))
+    twist = np.array(2 * xi[2] / (h1 * h2))
+    return DiscreteEnergy(shape.positions, membrane, bending, twist, periodic=shape.periodic)

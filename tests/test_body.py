@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from warpdeform.body import Body, Pin, Spring, rotate, select_nodes
+from warpdeform.body import Body, Pin, Spring, rotate
 from warpdeform.errors import InputError
 from warpdeform.material import Material
+from warpdeform.selectors import select_nodes
 from warpdeform.shape import arc, sheet
 
 CLOTH = Material(areal_density=0.2, membrane_stiffness=1000.0, poisson_ratio=0.3)
@@ -43,7 +44,7 @@ def test_selectors(selector: Any, expected: list[list[int]]) -> None:
 @pytest.mark.parametrize(
     ("selector", "message"),
     [
-        ("corner:0,2", 'is not a node selector. Use "corner:0,1"'),
+        ("corner:0,2", 'is not a node selector of a surface. Use "corner:0,1"'),
         ("edge:w,0", "is not a node selector"),
         ("edge:u", "is not a node selector"),
         ("edge:u,0,4", "asks for 4 rows of 3. Use 1 to 3 rows."),

@@ -9,6 +9,7 @@ import itertools
 import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -17,11 +18,18 @@ import pytest
 import warp as wp
 
 import warpdeform.kernels
+from warpdeform.kernels.products import Gathering
+from warpdeform.kernels.surface import surface
 
 Compile = Callable[[list[wp.Kernel], int], bytes]
 
 VALUES: dict[Any, list[Any]] = {"width": [1], "real": [wp.float32, wp.float64], bool: [False, True]}
 """What is passed for the parameters of a factory, by name or by annotation."""
+GATHERINGS: list[Callable[[int, Any], Gathering]] = [
+    partial(lambda width, real, flags: surface(width, real, *flags).gathering, flags=flags)
+    for flags in itertools.product((False, True), repeat=2)
+]
+"""The gatherings of all elastic terms, by lane width and precision."""
 WORDS_ONLY = {
     "lanes", "distances", "geometry", "solid_geometry", "solid_volume", "transfers", "transfer_tables",
 }  # fmt: skip
@@ -51,9 +59,11 @@ def variants() -> Iterator[Any]:
     """Every factory but those of words, with every combination of its options."""
     for factory in factories():
         parameters = inspect.signature(factory).parameters.values()
-        options = [VALUES[p.name if p.name in VALUES else p.annotation] for p in parameters]
-        for values in itertools.product(*options) if factory.__name__ not in WORDS_ONLY else ():
-            words = [getattr(value, "__name__", str(value)) for value in values]
+        known: dict[Any, list[Any]] = {**VALUES, Gathering: GATHERINGS}
+        options = [known[p.name if p.name in known else p.annotation] for p in parameters]
+        for chosen in itertools.product(*options) if factory.__name__ not in WORDS_ONLY else ():
+            values = tuple(value(*chosen[:2]) if value in GATHERINGS else value for value in chosen)
+            words = [getattr(value, "__name__", getattr(value, "name", str(value))) for value in values]
             yield pytest.param(factory, values, id="-".join([factory.__name__, *words]))
 
 

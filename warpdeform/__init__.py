@@ -1,4 +1,4 @@
-"""warpdeform: elastically deformable surfaces on NVIDIA Warp.
+"""warpdeform: elastically deformable curves, surfaces and solids on NVIDIA Warp.
 
 The public names are loaded when they are first used, so that `import warpdeform` needs neither Warp nor USD.
 """
@@ -7,13 +7,33 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from warpdeform.attachment import Attachment
     from warpdeform.body import Body, Pin, Spring
     from warpdeform.errors import InputError, Mistake, SimulationFailure, WarpdeformError
     from warpdeform.material import Material
     from warpdeform.obstacle import Obstacle
     from warpdeform.scene import load_scene
     from warpdeform.settings import Settings
-    from warpdeform.shape import RestShape, arc, from_array, from_file, from_map, sheet
+    from warpdeform.shape import (
+        RestShape,
+        arc,
+        bent_block,
+        block,
+        from_array,
+        from_file,
+        from_map,
+        helix,
+        line,
+        pipe,
+        ring,
+        root_grid,
+        root_line,
+        sheet,
+        sphere,
+        strands,
+        torus,
+        tube,
+    )
     from warpdeform.simulation import Simulation
     from warpdeform.track import Track
     from warpdeform.usd.frames import FrameWriter
@@ -23,6 +43,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Attachment",
     "Body",
     "FrameWriter",
     "InputError",
@@ -41,21 +62,53 @@ __all__ = [
     "Wind",
     "__version__",
     "arc",
+    "bent_block",
+    "block",
     "from_array",
     "from_file",
     "from_map",
+    "helix",
+    "line",
     "load_scene",
+    "pipe",
+    "ring",
+    "root_grid",
+    "root_line",
     "sheet",
+    "sphere",
+    "strands",
+    "torus",
+    "tube",
 ]
 
 _HOMES = {
+    "attachment": ("Attachment",),
     "body": ("Body", "Pin", "Spring"),
     "errors": ("InputError", "Mistake", "SimulationFailure", "WarpdeformError"),
     "material": ("Material",),
     "obstacle": ("Obstacle",),
     "scene": ("load_scene",),
     "settings": ("Settings",),
-    "shape": ("RestShape", "arc", "from_array", "from_file", "from_map", "sheet"),
+    "shape": (
+        "RestShape",
+        "arc",
+        "bent_block",
+        "block",
+        "from_array",
+        "from_file",
+        "from_map",
+        "helix",
+        "line",
+        "pipe",
+        "ring",
+        "root_grid",
+        "root_line",
+        "sheet",
+        "sphere",
+        "strands",
+        "torus",
+        "tube",
+    ),
     "simulation": ("Simulation",),
     "track": ("Track",),
     "usd.frames": ("FrameWriter",),

@@ -1,75 +1,25 @@
 """A body as the user describes it: rest shape, material, where it starts and what holds it."""
 
 import math
-import operator
-import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpdeform.errors import InputError, Mistake
 from warpdeform.material import Material
+from warpdeform.selectors import NodeSelector, select_nodes
 from warpdeform.shape import RestShape
 
 if TYPE_CHECKING:
     from warpdeform.track import Track
 
-NodeSelector = str | Sequence[Sequence[int]]
-"""Which nodes: "corner:0,1" (start or end of u, of v), "edge:u,0" (the row u = start), "edge:v,1,2" (the last two rows
-of v: a clamp), "all", or a list of index pairs [[i, j], ...]."""
-
-_CORNER = re.compile(r"corner:([01]),([01])")
-_EDGE = re.compile(r"edge:([uv]),([01])(?:,(\d+))?")
-_SELECTOR_REMEDY = 'Use "corner:0,1", "edge:u,0", "edge:v,1,2" (two rows), "all" or index pairs [[i, j], ...].'
-
-
-def select_nodes(selector: NodeSelector, nodes: tuple[int, int]) -> NDArray[np.int64]:
-    """Index pairs of the selected nodes.
-
-    Args:
-        selector: See `NodeSelector`.
-        nodes: Nodes of the grid along u and v.
-
-    Returns:
-        Index pairs, shape (k, 2).
-
-    Raises:
-        InputError: An unknown selector, or a node outside the grid.
-    """
-    index = np.stack(np.meshgrid(np.arange(nodes[0]), np.arange(nodes[1]), indexing="ij"), axis=-1)
-    if not isinstance(selector, str):
-        return _listed_nodes(selector, nodes)
-    if selector == "all":
-        return index.reshape(-1, 2)
-    if corner := _CORNER.fullmatch(selector):
-        end = [int(corner[k]) for k in (1, 2)]
-        return np.array([[end[0] * (nodes[0] - 1), end[1] * (nodes[1] - 1)]])
-    if edge := _EDGE.fullmatch(selector):
-        axis, last, count = "uv".index(edge[1]), edge[2] == "1", int(edge[3] or 1)
-        if not 1 <= count <= nodes[axis]:
-            raise InputError(
-                Mistake("nodes", selector, f"asks for {count} rows of {nodes[axis]}", f"Use 1 to {nodes[axis]} rows.")
-            )
-        rows = np.arange(nodes[axis])[-count:] if last else np.arange(count)
-        return np.take(index, rows, axis=axis).reshape(-1, 2)
-    raise InputError(Mistake("nodes", selector, "is not a node selector", _SELECTOR_REMEDY))
-
-
-def _listed_nodes(selector: Sequence[Sequence[int]], nodes: tuple[int, int]) -> NDArray[np.int64]:
-    try:
-        pairs = np.array([[operator.index(i), operator.index(j)] for i, j in selector], dtype=np.int64).reshape(-1, 2)
-    except (TypeError, ValueError):
-        raise InputError(Mistake("nodes", selector, "is not a list of index pairs", _SELECTOR_REMEDY)) from None
-    outside = np.any((pairs < 0) | (pairs >= np.array(nodes)), axis=1)
-    if outside.any():
-        limit = f"[0, 0] to [{nodes[0] - 1}, {nodes[1] - 1}]"
-        raise InputError(
-            Mistake("nodes", pairs[outside][0].tolist(), "lies outside the grid", f"Use indices from {limit}.")
-        )
-    return pairs
+DENSITIES: dict[str, Callable[["Body"], float]] = {
+    "surface": lambda body: body.material.surface().areal_density,
+}
+"""Mass per length [kg/m], area [kg/m2] or volume [kg/m3] of each kind of body that can be simulated."""
 
 
 @dataclass(frozen=True)
@@ -79,10 +29,15 @@ class Pin:
     Attributes:
         nodes: Which nodes, see `NodeSelector`.
         track: Rigid motion of the held nodes relative to their initial positions; None holds them still.
+        until: When they are let go [s]; None holds them for good.
     """
 
     nodes: NodeSelector
     track: "Track | None" = None
+    until: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_end(self.until)
 
 
 @dataclass(frozen=True)
@@ -94,21 +49,29 @@ class Spring:
         stiffness: Stiffness of each node's spring [N/m].
         point: World point [m]; None ties each node to its own initial position.
         track: Rigid motion of the points; None leaves them still.
+        until: When the springs let go [s]; None keeps them for good.
     """
 
     nodes: NodeSelector
     stiffness: float
     point: tuple[float, float, float] | None = None
     track: "Track | None" = None
+    until: float | None = None
 
     def __post_init__(self) -> None:
+        _check_end(self.until)
         if not (math.isfinite(self.stiffness) and self.stiffness > 0):
             raise InputError(Mistake("stiffness", self.stiffness, "must be positive [N/m]", "Use for example 100."))
 
 
+def _check_end(until: float | None) -> None:
+    if until is not None and not until >= 0:
+        raise InputError(Mistake("until", until, "must not be negative [s]", "Leave it out to hold for good."))
+
+
 @dataclass(frozen=True)
 class Body:
-    """A deformable surface.
+    """A deformable curve, surface or solid.
 
     Attributes:
         name: Name in files and messages.
@@ -117,13 +80,17 @@ class Body:
         position: Translation of the initial state from the rest shape [m].
         rotation: Rotation of the initial state about the rest shape's origin, quaternion (x, y, z, w).
         velocity: Initial velocity [m/s].
-        initial_positions: Initial node positions [m], shape (nu, nv, 3), if they are not the placed rest shape.
+        initial_positions: Initial node positions [m], shape (*nodes, 3), if they are not the placed rest shape.
         pins: Held or led nodes.
         springs: Springs from nodes to points.
         drag: Mass-proportional damping [1/s] beside the material's own.
         wind_coefficient: c of the viscous force c (n . v) n [kg/(m2 s)].
+        pressure: Pressure inside over outside of a surface with a periodic axis [Pa]; ends are capped; 0 for none.
+        section: Cross-section of a curve, as its material wants it; its `radius` [m] is what wind meets.
         color: Display colour, linear RGB.
         roughness: Roughness of the preview surface, 0 to 1.
+        nodes: Nodes along the axes: (n, strands) of a curve, (nu, nv) of a surface, (nu, nv, nw) of a solid.
+        kind: "curve", "surface" or "solid".
     """
 
     name: str
@@ -137,24 +104,41 @@ class Body:
     springs: tuple[Spring, ...] = ()
     drag: float = 0.0
     wind_coefficient: float = 2.0
+    pressure: float = 0.0
+    section: Any = None
     color: tuple[float, float, float] = (0.55, 0.13, 0.11)
     roughness: float = 0.7
-    nodes: tuple[int, int] = field(init=False)
+    nodes: tuple[int, ...] = field(init=False)
+    kind: str = field(init=False)
 
     def __post_init__(self) -> None:
-        nodes = self.shape.positions.shape[:2]
+        nodes, kind = self.shape.nodes, self.shape.kind
         object.__setattr__(self, "nodes", nodes)
+        object.__setattr__(self, "kind", kind)
         mistakes = []
+        if kind not in DENSITIES:
+            problem, known = f"is a {kind}, which cannot be simulated yet", ", ".join(DENSITIES)
+            mistakes.append(Mistake("shape", None, problem, f"Use one of: {known}."))
+        if self.section is not None and kind != "curve":
+            remedy = "Give a surface's material a thickness."
+            mistakes.append(Mistake("section", None, f"does not go with a {kind}", remedy))
         for key in ("drag", "wind_coefficient"):
             value = getattr(self, key)
             if not (math.isfinite(value) and value >= 0):
                 mistakes.append(Mistake(key, value, "must be a finite number, not negative", "Use 0 for none."))
+        if not math.isfinite(self.pressure):
+            mistakes.append(Mistake("pressure", self.pressure, "must be finite [Pa]", "Use 0 for none."))
+        elif self.pressure and not (kind == "surface" and any(self.shape.periodic)):
+            problem = f"needs a surface that encloses something, which this {kind} does not"
+            mistakes.append(Mistake("pressure", self.pressure, problem, "Use a tube, torus or sphere, or 0."))
         for key, length in (("position", 3), ("velocity", 3), ("rotation", 4)):
             value = getattr(self, key)
             if len(value) != length or not all(math.isfinite(x) for x in value):
                 mistakes.append(Mistake(key, value, f"must be {length} finite numbers", "Leave it out for none."))
         if not any(self.rotation):
             mistakes.append(Mistake("rotation", self.rotation, "has length zero", "Use (0, 0, 0, 1) for none."))
+        if self.initial_positions is not None and kind == "curve" and np.ndim(self.initial_positions) == 2:
+            object.__setattr__(self, "initial_positions", np.asarray(self.initial_positions)[:, None])
         if self.initial_positions is not None and (
             self.initial_positions.shape != self.shape.positions.shape or not np.isfinite(self.initial_positions).all()
         ):
@@ -165,14 +149,29 @@ class Body:
         selectors |= {f"springs.{index}": spring.nodes for index, spring in enumerate(self.springs)}
         for key, selector in selectors.items():
             try:
-                select_nodes(selector, nodes)
+                select_nodes(selector, nodes, kind)
             except InputError as error:
                 mistakes += [Mistake(key, m.value, m.problem, m.remedy) for m in error.mistakes]
+        if kind in DENSITIES:
+            try:
+                DENSITIES[kind](self)
+            except InputError as error:
+                mistakes += [Mistake(f"material.{m.key}", m.value, m.problem, m.remedy) for m in error.mistakes]
         if mistakes:
             raise InputError(mistakes)
 
+    @property
+    def density(self) -> float:
+        """Mass per length [kg/m] of a curve, area [kg/m2] of a surface or volume [kg/m3] of a solid."""
+        return DENSITIES[self.kind](self)
+
+    @property
+    def diameter(self) -> float:
+        """Diameter of a curve that wind meets [m]; 0 without a section."""
+        return 0.0 if self.section is None else 2.0 * float(self.section.radius)
+
     def placed_positions(self) -> NDArray[np.float64]:
-        """Initial node positions [m], shape (nu, nv, 3)."""
+        """Initial node positions [m], shape (*nodes, 3)."""
         if self.initial_positions is not None:
             return np.array(self.initial_positions, dtype=np.float64)
         return rotate(self.rotation, self.shape.positions) + np.asarray(self.position)

@@ -76,6 +76,26 @@ class ParameterGrid:
             spacing.append(self.spacing[axis] * cells / fewer)
         return ParameterGrid(tuple(nodes), tuple(spacing), self.periodic, self.dimension)
 
+    def closed(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values per node, shape (*nodes, ...), with the first ones again behind the last along periodic axes."""
+        for axis in range(self.dimension):
+            values = self._wrapped(values, axis)
+        return values
+
+    def differences(self, values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+        """Differences of values per node, shape (*nodes, ...), to the next node along a connected axis."""
+        return np.asarray(np.diff(self._wrapped(values, axis), axis=axis))
+
+    def means(self, values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+        """Means of values per node along a connected axis, shape (..., nodes, ...), with the next ones."""
+        values = self._wrapped(values, axis)
+        count = values.shape[axis] - 1
+        return 0.5 * (np.take(values, range(count), axis=axis) + np.take(values, range(1, count + 1), axis=axis))
+
+    def _wrapped(self, values: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+        """The values, with the first ones again behind the last if the axis is periodic."""
+        return np.concatenate([values, np.take(values, [0], axis=axis)], axis=axis) if self.periodic[axis] else values
+
     def parameters(self) -> NDArray[np.float64]:
         """Material coordinates of the nodes, scaled to 0..1 along each axis, shape (*nodes, axes)."""
         along = (np.arange(n) / max(c, 1) for n, c in zip(self.nodes, self.cells, strict=True))

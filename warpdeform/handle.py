@@ -1,7 +1,6 @@
 """One body of a simulation, as users see it: its arrays and what can be measured on it."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from warpdeform.forces.drag import Drag
 from warpdeform.forces.force import Force
 from warpdeform.forces.gravity import Gravity
 from warpdeform.forces.obstacle_field import ObstacleField
+from warpdeform.forces.pressure import Pressure
 from warpdeform.forces.springs import Springs
 from warpdeform.forces.surface_elasticity import SurfaceElasticity
 from warpdeform.forces.wind_load import WindLoad
@@ -21,39 +21,21 @@ from warpdeform.obstacle import Obstacle
 from warpdeform.result import Energy
 from warpdeform.settings import Settings
 from warpdeform.state import State
+from warpdeform.tensors import Curvature, CurveCurvature, Metric, curvature_of_curve, metric_of
 from warpdeform.wind import Wind
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class Metric:
-    """Metric tensor at its samples, in parameter units.
-
-    Attributes:
-        G11: On the u-edges, shape (nu - 1, nv).
-        G12: At the cells, shape (nu - 1, nv - 1).
-        G22: On the v-edges, shape (nu, nv - 1).
-    """
-
-    G11: Array
-    G12: Array
-    G22: Array
+def _surface(model: Model) -> SurfaceElasticity:
+    body, device = model.body, model.device
+    return SurfaceElasticity(model.grid, model.layout, body.shape.positions, body.material, model.real, device)
 
 
-@dataclass(frozen=True)
-class Curvature:
-    """Curvature tensor at its samples [m over parameter units squared].
-
-    Attributes:
-        B11: At the nodes that have both u-neighbours, shape (nu - 2, nv).
-        B12: At the cells, shape (nu - 1, nv - 1).
-        B22: At the nodes that have both v-neighbours, shape (nu, nv - 2).
-    """
-
-    B11: Array
-    B12: Array
-    B22: Array
+ELASTICITY: dict[str, Callable[[Model], Force]] = {"surface": _surface}
+"""The elastic energy of each kind of body."""
+WIND: dict[str, Callable[[State, Wind, float], Force]] = {"surface": WindLoad}
+"""The force of the air on each kind of body, on the shares `Model.area` of what it meets."""
 
 
 class BodyHandle:
@@ -80,17 +62,18 @@ class BodyHandle:
         self.model = Model(body, settings.precision, device, lane_width)
         self.state = State(self.model, iteration)
         model, state = self.model, self.state
-        rest = body.shape.positions
-        self.elasticity = SurfaceElasticity(model.grid, model.layout, rest, body.material, model.real, device)
+        self.elasticity = ELASTICITY[body.kind](model)
         terms: list[Force] = [self.elasticity]
         if any(settings.gravity):
             terms.append(Gravity(state, settings.gravity))
         if body.springs:
-            terms.append(Springs(state, body.springs, model.initial_positions))
+            terms.append(Springs(state, body.springs, model.initial_positions, body.kind))
         if body.drag + body.material.damping > 0:
             terms.append(Drag(state, body.drag + body.material.damping))
-        if wind is not None and body.wind_coefficient > 0:
-            terms.append(WindLoad(state, wind, body.wind_coefficient, model.grid.periodic))
+        if wind is not None and body.wind_coefficient > 0 and body.kind in WIND:
+            terms.append(WIND[body.kind](state, wind, body.wind_coefficient))
+        if body.pressure:
+            terms.append(Pressure(state, body.pressure, body.shape.positions))
         if obstacles:
             speed = float(np.linalg.norm(body.velocity))
             positions = model.initial_positions
@@ -103,56 +86,61 @@ class BodyHandle:
         return self.body.name
 
     @property
-    def nodes(self) -> tuple[int, int]:
-        """Nodes along u and v."""
+    def nodes(self) -> tuple[int, ...]:
+        """Nodes along the axes: (n, strands) of a curve, (nu, nv) of a surface, (nu, nv, nw) of a solid."""
         return self.body.nodes
 
     @property
     def rest_positions(self) -> Array:
-        """Rest positions [m], shape (nu, nv, 3)."""
+        """Rest positions [m], shape (*nodes, 3)."""
         return self.body.shape.positions
 
     @property
     def position_array(self) -> wp.array:
         """Live positions [m] on the device, components first, with halo: shape (3, rows, columns).
 
-        Node (i, j) lies at ``[:, i + 1, j + layout.halo]``. Kernels and DLPack see the array without a copy.
+        Node (i, j) of a curve or surface lies at ``[:, i + 1, j + layout.halo]``, nodes of any body where
+        ``model.layout.places`` says. Kernels and DLPack see the array without a copy.
         """
         return self.state.x
 
     def positions(self) -> Array:
-        """Positions [m], shape (nu, nv, 3), a copy on the host."""
+        """Positions [m], shape (*nodes, 3), a copy on the host."""
         return self.model.download(self.state.x)
 
     def velocities(self) -> Array:
-        """Velocities [m/s], shape (nu, nv, 3), a copy on the host."""
+        """Velocities [m/s], shape (*nodes, 3), a copy on the host."""
         return self.model.download(self.state.v)
 
     def metric(self) -> Metric:
-        """The metric tensor G at its samples, from the same operators as the energy (paper, first fundamental form)."""
-        q = self.model.zeros(5)
-        self.elasticity.measure(self.state.x, q, self.model.zeros(3))
-        nu, nv = self.nodes
-        s, t, c, u, v = np.moveaxis(self.model.layout.unpack(q.numpy(), (nu - 1, nv - 1)), -1, 0)
-        h1, h2 = self.model.grid.spacing
-        # Squared lengths of a cell: u-edges (s + t)/2 -+ (u + v)/2, v-edges (s - t)/2 -+ (u - v)/2.
-        g11 = np.concatenate([0.5 * (s + t - u - v), 0.5 * (s + t + u + v)[:, -1:]], axis=1) / h1**2
-        g22 = np.concatenate([0.5 * (s - t - u + v), 0.5 * (s - t + u - v)[-1:]], axis=0) / h2**2
-        return Metric(g11, 0.5 * c / (h1 * h2), g22)
+        """The metric tensor G at its samples, by the differences that the energy measures (paper: first form)."""
+        return metric_of(self.model.grid, self.positions())
 
-    def curvature(self) -> Curvature:
-        """The curvature tensor B at its samples (paper, second fundamental form), with n along r_u x r_v.
+    def curvature(self) -> Curvature | CurveCurvature:
+        """The curvature of a surface or curve at its samples.
+
+        Returns:
+            Of a surface the curvature tensor B with n along r_u x r_v (paper, second fundamental form), from the
+            kernels that measure it for the energy; of a curve the curvature binormals.
 
         Raises:
-            ValueError: The body is a membrane; it has no bending and so no curvature operator.
+            ValueError: The body is a solid, or a membrane: it has no bending and so no curvature operator.
         """
-        if not self.elasticity.bending:
+        grid = self.model.grid
+        if self.body.kind == "curve":
+            return curvature_of_curve(grid, self.positions())
+        elasticity = self.elasticity
+        if not isinstance(elasticity, SurfaceElasticity):
+            raise ValueError(f"body {self.name!r} is a {self.body.kind}; curves and surfaces have a curvature")
+        if not elasticity.bending:
             raise ValueError(f"body {self.name!r} is a membrane without bending; give its material a bending stiffness")
         b = self.model.zeros(3)
-        self.elasticity.measure(self.state.x, self.model.zeros(5), b)
+        elasticity.measure(self.state.x, self.model.zeros(5), b)
         b11, b22, b12 = np.moveaxis(self.model.download(b), -1, 0)
-        h1, h2 = self.model.grid.spacing
-        return Curvature(b11[1:-1] / h1**2, b12[:-1, :-1] / (h1 * h2), b22[:, 1:-1] / h2**2)
+        h1, h2 = grid.spacing
+        inside_u, inside_v = (slice(None) if wraps else slice(1, -1) for wraps in grid.periodic)
+        cells = tuple(slice(count) for count in grid.cells)
+        return Curvature(b11[inside_u] / h1**2, b12[cells] / (h1 * h2), b22[:, inside_v] / h2**2)
 
     def max_stretch(self) -> float:
         """Longest edge over its rest length."""

@@ -1,5 +1,6 @@
 """What a simulation launches and allocates, for `warpdeform info`."""
 
+import math
 from dataclasses import dataclass
 
 
@@ -14,10 +15,11 @@ class TermInfo:
 
 @dataclass(frozen=True)
 class BodyInfo:
-    """A body: its name, nodes, terms, and the memory of its state and step vectors [bytes]."""
+    """A body: its name, kind, nodes, terms, and the memory of its state and step vectors [bytes]."""
 
     name: str
-    nodes: tuple[int, int]
+    kind: str
+    nodes: tuple[int, ...]
     terms: tuple[TermInfo, ...]
     bytes: int
 
@@ -43,13 +45,11 @@ class SimulationInfo:
 
     def lines(self) -> list[str]:
         """The table as people read it."""
-        nodes = sum(body.nodes[0] * body.nodes[1] for body in self.bodies)
+        nodes = sum(math.prod(body.nodes) for body in self.bodies)
         lines = []
         for body in self.bodies:
-            count = body.nodes[0] * body.nodes[1]
-            lines.append(
-                f"{body.name}: surface {body.nodes[0]} x {body.nodes[1]}, state {body.bytes / count:.0f} B/node"
-            )
+            count, grid = math.prod(body.nodes), " x ".join(map(str, body.nodes))
+            lines.append(f"{body.name}: {body.kind} {grid}, state {body.bytes / count:.0f} B/node")
             for term in body.terms:
                 lines.append(f"  {term.name}: {term.bytes / count:.0f} B/node; kernels {', '.join(term.kernels)}")
         lines.append(f"solver: conjugate gradient, {self.preconditioner}, {self.solver_bytes / nodes:.0f} B/node")

@@ -1,13 +1,16 @@
 """What is constant of one body on the device, frozen once built."""
 
+import math
 from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpdeform.body import Body, rotate, select_nodes
+from warpdeform.body import Body, Pin, rotate
 from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.measure import exposed_shares, node_measures
+from warpdeform.selectors import select_nodes
 
 Array = NDArray[np.float64]
 
@@ -16,7 +19,7 @@ LANE_WIDTHS = {"float32": 16, "float64": 8}
 
 
 class Model:
-    """Constants of one body.
+    """Constants of one body; arrays per node have the shape of its grid: (n, strands), (nu, nv) or (nu, nv, nw).
 
     Attributes:
         body: What the user described.
@@ -25,13 +28,14 @@ class Model:
         real: ``wp.float32`` or ``wp.float64``.
         lane_width: Nodes per lane group.
         device: Warp device.
-        initial_positions: Node positions at the start [m], shape (nu, nv, 3).
-        node_mass: Node masses [kg], shape (nu, nv).
+        initial_positions: Node positions at the start [m], shape (*nodes, 3).
+        node_mass: Node masses [kg], shape (*nodes).
         spacing: Smallest rest length of an edge [m].
-        lengths: Mean rest lengths of the edges along u and v [m].
+        lengths: Mean rest lengths of the edges along each axis [m]; infinite where nothing connects nodes.
         has_pins: Some nodes are pinned.
         mass: Node masses [kg] on the device, shape (1, rows, columns).
-        area: Trapezoid shares of the rest area [m2], shape (1, rows, columns).
+        area: Node shares of what the outer world meets [m2], shape (1, rows, columns): the area of surfaces, the skin
+            of solids, length times diameter of curves.
         free: 1 at free nodes, 0 at pinned ones and outside, shape (1, rows, columns).
         target: Where pinned nodes are held [m], shape (3, rows, columns); zero elsewhere.
     """
@@ -49,30 +53,27 @@ class Model:
         self.device = device
         self.real: Any = wp.float32 if precision == "float32" else wp.float64
         self.lane_width = lane_width or (1 if device.is_cuda else LANE_WIDTHS[precision])
-        self.grid = ParameterGrid(body.nodes, body.shape.spacing)
-        self.layout = Layout(body.nodes, self.lane_width)
+        grid = self.grid = body.shape.grid
+        self.layout = Layout(body.nodes, self.lane_width, grid.periodic)
         self.initial_positions = body.placed_positions()
         rest = body.shape.positions
-        node_area = self.grid.cells_to_nodes(cell_areas(rest))
-        self.node_mass = body.material.surface().areal_density * node_area
-        lengths = [np.linalg.norm(np.diff(rest, axis=axis), axis=-1) for axis in (0, 1)]
-        self.spacing = float(min(length.min() for length in lengths))
-        self.lengths = (float(lengths[0].mean()), float(lengths[1].mean()))
-        self._rest_lengths = lengths
-        free = np.ones(body.nodes)
-        self._pinned = [(pin, select_nodes(pin.nodes, body.nodes)) for pin in body.pins]
-        for _, pairs in self._pinned:
-            free[pairs[:, 0], pairs[:, 1]] = 0.0
+        self.node_mass = body.density * node_measures(grid, rest)
+        self._rest_lengths = _edge_lengths(grid, rest)
+        self.spacing = float(min(length.min() for length in self._rest_lengths))
+        lengths = [float(length.mean()) for length in self._rest_lengths]
+        self.lengths = (*lengths, *[math.inf] * (len(grid.nodes) - grid.dimension))
+        self._pinned = [(pin, tuple(select_nodes(pin.nodes, body.nodes, body.kind).T)) for pin in body.pins]
         self.has_pins = bool(self._pinned)
+        self._let_go = 0
         self.mass = self.upload(self.node_mass)
-        self.area = self.upload(node_area)
-        self.free = self.upload(free)
+        self.area = self.upload(exposed_shares(grid, rest, body.diameter))
+        self.free = self.upload(self._free_nodes(0.0))
         self._targets = np.zeros((*body.nodes, 3))
         self.pins_move = any(pin.track is not None and not pin.track.static for pin in body.pins)
         self.target = self.upload(self._pin_targets(0.0))
 
     def upload(self, values: Array) -> wp.array:
-        """Values per node, shape (nu, nv) or (nu, nv, n), as a component array on the device."""
+        """Values per node, shape (*nodes) or (*nodes, n), as a component array on the device."""
         return wp.array(self.layout.pack(values), dtype=self.real, device=self.device)
 
     def zeros(self, components: int) -> wp.array:
@@ -80,35 +81,52 @@ class Model:
         return wp.zeros((components, self.layout.rows, self.layout.columns), dtype=self.real, device=self.device)
 
     def download(self, array: wp.array) -> Array:
-        """A component array as values per node, shape (nu, nv, n), a fresh copy."""
+        """A component array as values per node, shape (*nodes, n), a fresh copy."""
         return self.layout.unpack(array.numpy())
 
-    def place_targets(self, time: float) -> None:
-        """Write where moving pins are at `time` [s]; does nothing for pins that stay."""
+    def place_targets(self, time: float) -> bool:
+        """Write where moving pins are in the step that ends at `time` [s], and which nodes are held in it.
+
+        Returns:
+            Whether other nodes are held than in the step before.
+        """
         if self.pins_move:
             self.target.assign(self.layout.pack(self._pin_targets(time)))
+        let_go = sum(_is_over(pin, time) for pin, _ in self._pinned)
+        changed = let_go != self._let_go
+        if changed:
+            self._let_go = let_go
+            self.free.assign(self.layout.pack(self._free_nodes(time)))
+        return changed
+
+    def _free_nodes(self, time: float) -> Array:
+        free = np.ones(self.body.nodes)
+        for pin, held in self._pinned:
+            if not _is_over(pin, time):
+                free[held] = 0.0
+        return free
 
     def _pin_targets(self, time: float) -> Array:
         """Targets of the pinned nodes; a track moves them relative to where they start."""
-        for pin, pairs in self._pinned:
-            points = self.initial_positions[pairs[:, 0], pairs[:, 1]]
+        for pin, held in self._pinned:
+            points = self.initial_positions[held]
             if pin.track is not None:
                 position, rotation = pin.track.pose(time)
                 points = np.add(position, rotate(rotation.tolist(), points))
-            self._targets[pairs[:, 0], pairs[:, 1]] = points
+            self._targets[held] = points
         return self._targets
 
     def max_stretch(self, positions: wp.array) -> float:
         """Longest edge over its rest length; positions as a component array (3, rows, columns)."""
-        inside = positions.numpy()[:, 1:-1, self.layout.halo : self.layout.halo + self.grid.nodes[1]]
-        worst = 0.0
-        for axis, rest in zip((1, 2), self._rest_lengths, strict=True):
-            edges = np.diff(inside, axis=axis)
-            worst = max(worst, float(np.max(np.einsum("cij,cij->ij", edges, edges) / rest**2)))
-        return float(np.sqrt(worst))
+        lengths = _edge_lengths(self.grid, self.download(positions))
+        return float(max(np.max(now / rest) for now, rest in zip(lengths, self._rest_lengths, strict=True)))
 
 
-def cell_areas(rest: Array) -> Array:
-    """Areas of the cells of a shape [m2] by their mean edges, shape (nu - 1, nv - 1)."""
-    diagonal, other = rest[1:, 1:] - rest[:-1, :-1], rest[1:, :-1] - rest[:-1, 1:]
-    return 0.5 * np.linalg.norm(np.cross(diagonal, other), axis=-1)
+def _is_over(pin: Pin, time: float) -> bool:
+    """Whether a pin has let go before a step that ends at `time`; times are multiples of a step to round-off."""
+    return pin.until is not None and time > pin.until + 1e-9
+
+
+def _edge_lengths(grid: ParameterGrid, positions: Array) -> list[Array]:
+    """Lengths of the edges along each connected axis [m]."""
+    return [np.linalg.norm(grid.differences(positions, axis), axis=-1) for axis in range(grid.dimension)]

@@ -23,6 +23,7 @@ class Settings:
         preconditioner: Name of a preconditioner in :mod:`warpdeform.linear`, or "auto".
         precision: "float32" or "float64".
         device: Warp device name ("cpu", "cuda:0"), or "auto": the first CUDA device if there is one.
+        threads: Threads that share a step on the CPU; 0 takes one, or all cores (at most eight) for large bodies.
         gravity: Acceleration of gravity [m/s2].
     """
 
@@ -36,6 +37,7 @@ class Settings:
     preconditioner: str = "auto"
     precision: str = "float32"
     device: str = "auto"
+    threads: int = 0
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
 
     def __post_init__(self) -> None:
@@ -55,6 +57,7 @@ class Settings:
         require("cg_tolerance", 0 < self.cg_tolerance < 1, "must lie between 0 and 1", "Use for example 1e-2.")
         require("cg_iterations", self.cg_iterations >= 1, "must be at least 1", "Use for example 200.")
         require("precision", self.precision in PRECISIONS, "is not a precision", f"Use {' or '.join(PRECISIONS)}.")
+        require("threads", 0 <= self.threads <= 256, "must lie between 0 and 256", "Use 1, or 0 to have it chosen.")
         finite = len(self.gravity) == 3 and all(math.isfinite(g) for g in self.gravity)
         require("gravity", finite, "must be three finite numbers [m/s2]", "Use for example [0, 0, -9.81].")
         if mistakes:

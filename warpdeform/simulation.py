@@ -3,14 +3,15 @@
 import time as clock
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import warp as wp
 
+from warpdeform.attachment import Attachment
 from warpdeform.body import Body
 from warpdeform.device import find_device
 from warpdeform.errors import InputError, Mistake, SimulationFailure
+from warpdeform.forces.ties import make_ties
 from warpdeform.handle import BodyHandle
 from warpdeform.information import BodyInfo, SimulationInfo, TermInfo
 from warpdeform.integrators import INTEGRATORS
@@ -19,6 +20,7 @@ from warpdeform.linear import PRECONDITIONERS
 from warpdeform.obstacle import Obstacle
 from warpdeform.result import Energy, Outcome, RunRecord, StepRecord
 from warpdeform.settings import Settings
+from warpdeform.team import Team, choose_threads
 from warpdeform.wind import Wind
 
 
@@ -30,6 +32,7 @@ class Simulation:
     Args:
         bodies: At least one body, with names of their own.
         obstacles: Obstacles that every body meets.
+        attachments: What ties bodies to each other.
         wind: Moving air; None is still air that does not resist either.
         settings: Solver settings.
         lane_width: Nodes per lane group, for tests; None takes what suits the device.
@@ -44,6 +47,7 @@ class Simulation:
         bodies: Sequence[Body],
         *,
         obstacles: Sequence[Obstacle] = (),
+        attachments: Sequence[Attachment] = (),
         wind: Wind | None = None,
         settings: Settings | None = None,
         lane_width: int | None = None,
@@ -62,10 +66,18 @@ class Simulation:
             for body in bodies
         )
         states = [handle.state for handle in self.bodies]
-        self._solver = NewtonSolver(states, [handle.terms for handle in self.bodies], self.settings, self._iteration)
-        self._graph: Any = None
+        nodes = sum(handle.model.grid.node_count for handle in self.bodies)
+        self.threads = choose_threads(self.settings.threads, nodes, self.device) if captured else 1
+        terms = [handle.terms for handle in self.bodies]
+        self.attachments = tuple(attachments)
+        named = {handle.name: handle for handle in self.bodies}
+        self.couplings, rigid = make_ties(
+            self.attachments, {n: h.body for n, h in named.items()}, {n: h.state for n, h in named.items()}
+        )
+        self._solver = NewtonSolver(states, terms, self.settings, self._iteration, self.threads, self.couplings, rigid)
+        self._team = Team(self.threads, self.device)
         self._record = RunRecord(
-            nodes=sum(handle.model.grid.node_count for handle in self.bodies),
+            nodes=nodes,
             device=str(self.device),
             precision=self.settings.precision,
             integrator=self.integrator.name,
@@ -112,8 +124,8 @@ class Simulation:
         started = clock.perf_counter()
         end = (self._steps + 1) * self.dt
         self._solver.prepare(self.integrator.stage(self.dt, self._dt_before), end, self.dt, self._impact)
-        if self._graph is not None:
-            wp.capture_launch(self._graph)
+        if self._team.recorded:
+            self._team.replay()
         else:
             self._solver.record()
         report = self._solver.report()
@@ -151,6 +163,9 @@ class Simulation:
         energy = Energy(work_in=self._record.energy.work_in)
         for handle in self.bodies:
             handle.add_energies(energy)
+        for coupling in self.couplings:
+            kind = coupling.energy_kind
+            setattr(energy, kind, getattr(energy, kind) + coupling.stored_energy())
         return replace(self._record, frames=self.frame + 1, sim_s=self.time, energy=energy)
 
     def info(self) -> SimulationInfo:
@@ -158,7 +173,7 @@ class Simulation:
         bodies = []
         for handle in self.bodies:
             terms = [TermInfo(term.name, term.kernels, term.bytes()) for term in handle.terms]
-            bodies.append(BodyInfo(handle.name, handle.nodes, tuple(terms), handle.state.bytes()))
+            bodies.append(BodyInfo(handle.name, handle.body.kind, handle.nodes, tuple(terms), handle.state.bytes()))
         solver = self._solver.operator.bytes() + self._solver.preconditioner.bytes()
         return SimulationInfo(tuple(bodies), self._solver.preconditioner.name, solver)
 
@@ -167,9 +182,7 @@ class Simulation:
         self._solver.prepare(self.integrator.stage(self.dt, None), self.dt, self.dt)
         self._solver.rehearse()
         if self._captured:
-            with wp.ScopedCapture(device=self.device) as capture:
-                self._solver.record()
-            self._graph = capture.graph
+            self._team.record(self._solver.record)
         self._rewind()
 
     def _rewind(self) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 from numpy.typing import NDArray
+from surfaces import CLOSED
 
 from warpdeform.body import Spring
 from warpdeform.forces.drag import Drag
@@ -33,12 +34,13 @@ class SheetArrays:
     real: Any = wp.float64
     lane_width: int = 1
     wavy: bool = True
+    periodic: tuple[bool, ...] = ()
     device: str = "cpu"
     layout: Layout = field(init=False)
 
     def __post_init__(self) -> None:
         random = np.random.default_rng(5)
-        self.layout = Layout(self.nodes, self.lane_width)
+        self.layout = Layout(self.nodes, self.lane_width, self.periodic)
         u, v = np.meshgrid(*(np.arange(n) * 0.1 for n in self.nodes), indexing="ij")
         self.rest = np.stack([u, v, np.zeros_like(u)], axis=-1)
         wave = 0.1 * np.sin(3 * u + 5 * v)[..., None] * np.array([0, 0, 1]) + random.normal(0, 0.01, (*self.nodes, 3))
@@ -180,6 +182,21 @@ def test_flat_plate_in_the_wind(nodes: tuple[int, int], real: Any) -> None:
         force.linearise(body, body.x)
         total = -body.gradient(force, body.start).sum((0, 1))
         np.testing.assert_allclose(total, 1.3 * area * np.array(expected), rtol=1e-5, atol=1e-5 * area)
+
+
+@pytest.mark.parametrize("width", [1, 8])
+@pytest.mark.parametrize("gust", [0.0, 0.3])
+@pytest.mark.parametrize("kind", ["tube", "tube along u"])
+def test_normals_of_a_tube_point_outwards_at_its_seam_too(kind: str, gust: float, width: int) -> None:
+    shape = CLOSED[kind]((9, 11))
+    body = SheetArrays((9, 11), lane_width=width, periodic=shape.periodic)
+    body.x.assign(body.layout.pack(shape.positions))
+    force = WindLoad(body, Wind((6.0, 1.0, -2.0), gust=gust), 1.3)
+    force.prepare(0.0, TAU, TAU)
+    force.linearise(body, body.x)
+    outwards = shape.positions * [1.0, 1.0, 0.0] / 0.3
+    normals = outwards if kind == "tube" else -outwards
+    np.testing.assert_allclose(body.download(force.facing)[..., :3], normals, atol=1e-12)
 
 
 def newton_step(body: SheetArrays, forces: list[Force], velocity: Field, time: float) -> tuple[Field, Field]:

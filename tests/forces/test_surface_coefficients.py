@@ -33,7 +33,7 @@ NUMBERS_FROM_Q = (
 
 
 def stiffness_of(shape: RestShape, material: Material) -> SurfaceStiffness:
-    return surface_stiffness(ParameterGrid(shape.nodes, shape.spacing), shape.positions, material.surface())
+    return surface_stiffness(shape.grid, shape.positions, material.surface())
 
 
 def full(stiffness: SurfaceStiffness) -> Array:
@@ -73,7 +73,7 @@ def test_coefficients_give_the_energy_of_the_design(shape: str, material: str, n
         np.testing.assert_allclose(stiffness.twist, np.broadcast_to(design.twist, stiffness.twist.shape), rtol=1e-12)
     else:
         scale = np.abs(design.corners).max()
-        nodal, mixed = node_weights(design.corners), design.corners[..., :2, 2].swapaxes(-1, -2)
+        nodal, mixed = node_weights(design.corners, rest.nodes), design.corners[..., :2, 2].swapaxes(-1, -2)
         assert_close = functools.partial(np.testing.assert_allclose, rtol=1e-12, atol=1e-12 * scale)
         assert_close(stiffness.bending, nodal[..., [0, 0, 1], [0, 1, 1]])
         assert_close(stiffness.twist, design.corners[..., 2, 2].sum(axis=-1))
@@ -155,7 +155,7 @@ def test_every_corner_of_a_skewed_chart_stores_energy_or_none(
     assert stiffness.coupling is not None
     scale = np.abs(design.corners).max()
     assert np.linalg.eigvalsh(design.corners).min() > -1e-12 * scale
-    nodal = node_weights(design.corners)
+    nodal = node_weights(design.corners, rest.nodes)
     np.testing.assert_allclose(stiffness.bending, nodal[..., [0, 0, 1], [0, 1, 1]], atol=1e-12 * scale)
     np.testing.assert_allclose(stiffness.twist, design.corners[..., 2, 2].sum(axis=-1), atol=1e-12 * scale)
     exists = existing(nodes)

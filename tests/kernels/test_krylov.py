@@ -64,11 +64,13 @@ class Run:
         """Last output of every kernel that writes a field; sums are checked apart."""
         a, b, blocks, free, mass = self.a, self.b, self.blocks, self.free, self.mass
         return {
-            "negate": self.launch("negate", a, self.poisoned(3))[-1],
+            "start_solve x": self.launch("start_solve", a, self.poisoned(3), self.poisoned(3))[1],
+            "start_solve r": self.launch("start_solve", a, self.poisoned(3), self.poisoned(3))[2],
+            "clear": self.launch("clear", self.poisoned(3))[-1],
+            "copy": self.launch("copy", a, self.poisoned(3))[-1],
+            "copy_blocks": self.launch("copy_blocks", blocks, self.poisoned(6))[-1],
             "mask": self.launch("mask", free, a)[-1],
             "mask_dot": self.launch("mask_dot", free, a, b, self.sums())[2],
-            "start_product": self.launch("start_product", mass, self.inertia, a, self.poisoned(3))[-1],
-            "start_product_blocks": self.launch("start_product_blocks", blocks, a, self.poisoned(3))[-1],
             "start_blocks": self.launch("start_blocks", mass, self.inertia, self.poisoned(6))[-1],
             "invert_blocks": self.launch("invert_blocks", blocks, self.poisoned(6))[-1],
             "invert_traces": self.launch("invert_traces", blocks, self.poisoned(6))[-1],
@@ -88,11 +90,13 @@ def test_fields_are_what_their_kernels_say(nodes: tuple[int, int], real: Any) ->
     one = np.array([1, 1, 1, 0, 0, 0])
     trace = np.trace(run.matrix, axis1=-2, axis2=-1)[..., None]
     expected = {
-        "negate": -a,
+        "start_solve x": 0.0 * a,
+        "start_solve r": -a,
+        "clear": 0.0 * a,
+        "copy": a,
+        "copy_blocks": run.blocks,
         "mask": free * a,
         "mask_dot": free * b,
-        "start_product": INERTIA * run.mass * a,
-        "start_product_blocks": applied,
         "start_blocks": INERTIA * run.mass * one,
         "invert_blocks": np.linalg.inv(run.matrix)[..., [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]],
         "invert_traces": 3 / trace * one,
@@ -197,7 +201,7 @@ def test_rows_are_summed_in_the_order_of_a_plain_loop() -> None:
     rows = wp.array(np.full((2, 4), np.nan), dtype=wp.float64, device="cpu")
     for stride in (1, 8):
         given = wp.array(partials, dtype=wp.float64, device="cpu")
-        wp.launch(reductions().sum_rows, dim=3, inputs=[given, stride, 1, rows], device="cpu")
+        wp.launch(reductions().sum_rows, dim=3, inputs=[given, stride, rows[:, 1:]], device="cpu")
         for i in range(3):
             total = size = 0.0
             for x in partials[i + 1, ::stride]:
@@ -221,7 +225,7 @@ def test_greatest_row_and_entry(worst: float) -> None:
     rows = wp.array(np.zeros((2, 2)), dtype=wp.float64, device="cpu")
     scalars = wp.zeros(2, dtype=wp.float64, device="cpu")
     given = wp.array(partials, dtype=wp.float64, device="cpu")
-    wp.launch(reductions().max_rows, dim=2, inputs=[given, 8, 0, rows], device="cpu")
+    wp.launch(reductions().max_rows, dim=2, inputs=[given, 8, rows], device="cpu")
     np.testing.assert_array_equal(rows.numpy()[0], [3.0, worst])
     wp.launch(reductions().greatest, dim=1, inputs=[rows, 1, scalars], device="cpu")
     np.testing.assert_array_equal(scalars.numpy(), [0.0, worst])

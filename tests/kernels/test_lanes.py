@@ -204,6 +204,21 @@ def test_a_group_with_a_lane_that_is_not_a_number_has_no_largest(real: Any, widt
     assert np.isnan(most.numpy()).all()
 
 
+@pytest.mark.parametrize(("real", "width"), WIDE)
+def test_vector_of_one_place_in_every_lane(real: Any, width: int) -> None:
+    words = lanes(width, real)
+    spread3, store3 = words.spread3, words.store3
+
+    @wp.kernel(module=kernel_module("spread", width, real))
+    def spread(a: wp.array3d(dtype=real), b_out: wp.array3d(dtype=real)):
+        store3(b_out, 0, 0, wp.tid() * width, spread3(a, 1, 2, 3))
+
+    values = np.random.default_rng(1).normal(size=(4, 3, 5)).astype(wp.dtype_to_numpy(real))
+    found = wp.array(np.full((3, 1, 2 * width), np.nan), dtype=real, device="cpu")
+    wp.launch(spread, dim=2, inputs=[wp.array(values, dtype=real, device="cpu"), found], device="cpu")
+    np.testing.assert_array_equal(found.numpy(), np.broadcast_to(values[1:, 2, 3][:, None, None], (3, 1, 2 * width)))
+
+
 def test_modules_are_separate_for_every_width_and_precision() -> None:
     modules = {words_kernel(width, real).module for real, width in WIDE}
     assert len(modules) == len(WIDE)

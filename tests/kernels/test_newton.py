@@ -264,6 +264,8 @@ def test_newton_ends_for_the_right_reason(
 
 def test_step_begins_with_a_clean_state() -> None:
     decision = Decision(LENGTH=0.25, state=dict.fromkeys(range(entries.STEP_STATE), 9))
-    decision.launch("begin_step", decision.scalars, decision.state)
+    iteration, impact = (wp.array([7], dtype=wp.int32, device="cpu") for _ in range(2))
+    decision.launch("begin_step", decision.scalars, decision.state, iteration, impact)
     assert decision.scalar(entries.LENGTH) == 1.0
     assert decision.state.numpy().tolist() == [int(k == entries.NEWTON_ACTIVE) for k in range(entries.STEP_STATE)]
+    assert iteration.numpy().tolist() == impact.numpy().tolist() == [0]

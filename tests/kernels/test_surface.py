@@ -22,8 +22,8 @@ from surfaces import (
     noise,
 )
 
-from warpdeform.forces.surface_elasticity import difference_weights
-from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.forces.surface_coefficients import difference_weights
+from warpdeform.grid import Layout
 from warpdeform.kernels.surface import (
     FLEXURE_COMPONENTS,
     SCATTER_COMPONENTS,
@@ -33,6 +33,7 @@ from warpdeform.kernels.surface import (
 )
 from warpdeform.kernels.surface_blocks import surface_blocks
 from warpdeform.kernels.surface_coupling import CHANGE_COMPONENTS, COUPLING_KERNELS, surface_coupling
+from warpdeform.launching import RowStruct
 
 Array = np.ndarray[Any, Any]
 
@@ -79,7 +80,7 @@ def problem(nodes: tuple[int, int], orthogonal: bool, bending: str) -> SimpleNam
         exists = existing(nodes)
         C = 0.01 * definite(*cells, 4, 3) * exists[..., :, None] * exists[..., None, :]
     energy = DiscreteEnergy(rest, membrane, KB, K12, C)
-    KB, K12 = KB + node_weights(C), K12 + C[..., 2, 2].sum(axis=-1)
+    KB, K12 = KB + node_weights(C, nodes), K12 + C[..., 2, 2].sum(axis=-1)
     b, b12 = bending_numbers(rest)
 
     return SimpleNamespace(
@@ -112,13 +113,17 @@ def run(nodes: tuple[int, int], orthogonal: bool, bending: str, real: Any, width
         arrays[name] = upload(layout.pack(np.zeros((*nodes, components))))
         return arrays[name]
 
+    def fluxes(flux: wp.array, flexure: wp.array, scatter: wp.array) -> Any:
+        members = {"flux": flux, "flexure": flexure, "scatter": scatter}
+        return RowStruct(kernels.gathering.Fluxes, members).of_rows(0, layout.rows)
+
     def launch(name: str, *inputs: Any, of: Any = kernels) -> None:
         wp.launch(getattr(of, name), dim=layout.lane_dim, inputs=inputs, device="cpu")
 
     names = ("z", "p", "K", "q0", "KB", "K12", "KC")
     z, p, K, q0, KB, K12, KC = (upload(layout.pack(getattr(given, name))) for name in names)
     b0 = upload(np.concatenate([layout.pack(given.b0), layout.pack(given.b120)]))
-    alphas = [upload(alpha) for alpha in difference_weights(ParameterGrid(nodes, (1.0, 1.0)), layout)]
+    alphas = [upload(alpha) for alpha in difference_weights(layout)]
     floor = real(1e-20)
     launch("measure_membrane", z, poisoned("q", 5))
     tension, twist = poisoned("tension", TENSION_COMPONENTS), added("twist", TWIST_COMPONENTS)
@@ -134,7 +139,7 @@ def run(nodes: tuple[int, int], orthogonal: bool, bending: str, real: Any, width
         launch("change", z, b0, *alphas, floor, floor, poisoned("change", CHANGE_COMPONENTS), of=coupling)
         scatter, bent = poisoned("scatter", SCATTER_COMPONENTS), (*alphas, flexure, twist)
         launch("couple", KB, KC, *bent, arrays["change"], arrays["flux"], scatter, of=coupling)
-    launch("gather", arrays["flux"], flexure, scatter, added("gradient", 3))
+    launch("gather", fluxes(arrays["flux"], flexure, scatter), added("gradient", 3))
     launch("block_cells", z, K, tension, K12, twist, added("blocks", 6), of=diagonal)
     launch("product_cells", z, K, tension, K12, twist, p, poisoned("product_flux", 9))
     moments = scatter
@@ -147,7 +152,7 @@ def run(nodes: tuple[int, int], orthogonal: bool, bending: str, real: Any, width
         launch("couple", KB, KC, *bent, arrays["product_change"], arrays["product_flux"], moments, of=coupling)
     elif bends:
         launch("product_nodes", KB, *alphas, flexure, p, moments)
-    launch("gather", arrays["product_flux"], flexure, moments, added("product", 3))
+    launch("gather", fluxes(arrays["product_flux"], flexure, moments), added("product", 3))
     partials = wp.zeros((layout.rows, layout.columns), dtype=wp.float64, device="cpu")
     launch("energy_cells", z, K, q0, K12, b0, floor, partials)
     if bends:

@@ -296,4 +296,7 @@ def test_memory_is_counted() -> None:
     assert system.operator.bytes() == 6 * 8 * cloth.rows * cloth.columns
     light = Body("light", sheet((3, 3)), Material(areal_density=1.0, eta=1.0))
     model = Model(light, "float32", wp.get_device("cpu"))
-    assert LinearOperator([State(model, system.states[0].iteration)], [[]]).bytes() == 0
+    elasticity = SurfaceElasticity(
+        model.grid, model.layout, light.shape.positions, light.material, model.real, model.device
+    )
+    assert LinearOperator([State(model, system.states[0].iteration)], [[elasticity]]).bytes() == 0

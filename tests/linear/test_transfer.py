@@ -30,7 +30,7 @@ def carried(transfer: Transfer, nodes: tuple[int, int], values: Array, tables: s
     a = wp.array(source.pack(values), dtype=wp.float64, device=CPU)
     b = wp.array(target.pack(np.full((*target.nodes, 3), np.nan)), dtype=wp.float64, device=CPU)
     kernel = multigrid(width, wp.float64).carry
-    wp.launch(kernel, dim=target.lane_dim, inputs=[a, getattr(transfer, tables), b], device=CPU)
+    wp.launch(kernel, dim=target.lane_dim, inputs=[a, getattr(transfer, tables).of_rows(0, target.rows), b], device=CPU)
     outside = b.numpy().copy()
     outside[:, 1:-1, target.halo : target.halo + target.nodes[1]] = 0.0
     assert not outside.any(), "written outside the body"
@@ -140,7 +140,7 @@ def test_transfers_of_curves_and_solids(grid: ParameterGrid, width: int) -> None
     def moved(values: Array, tables: str, source: Layout, target: Layout) -> Array:
         given = wp.array(source.pack(values), dtype=wp.float64, device=CPU)
         found = wp.zeros((3, target.rows, target.columns), dtype=wp.float64, device=CPU)
-        inputs = [given, getattr(transfer, tables), found]
+        inputs = [given, getattr(transfer, tables).of_rows(0, target.rows), found]
         wp.launch(multigrid(width, wp.float64).carry, dim=target.lane_dim, inputs=inputs, device=CPU)
         values = target.unpack(found.numpy())
         assert np.count_nonzero(found.numpy()) <= values.size, "written outside the body"

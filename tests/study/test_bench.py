@@ -12,9 +12,11 @@ from typer.testing import CliRunner
 
 from warpdeform.cli import app
 from warpdeform.scene import Override
+from warpdeform.scene.measure import folds
 from warpdeform.study.bench import kernels as kernel_bench
 from warpdeform.study.bench import scaling as scaling_bench
 from warpdeform.study.bench import step as step_bench
+from warpdeform.study.bench.iterations import bench_iterations
 from warpdeform.study.bench.kernels import bench_kernels
 from warpdeform.study.bench.machine import core_for, describe, one_core, sentence
 from warpdeform.study.bench.passes import PASSES, YARDSTICK, Sheet
@@ -23,6 +25,7 @@ from warpdeform.study.bench.start import _COMPILED
 from warpdeform.study.bench.step import SIZES, bench_step
 from warpdeform.study.bench.stream import streams
 from warpdeform.study.bench.table import Target, table, targets_lines, three_digits
+from warpdeform.study.bench.threads import bench_threads
 from warpdeform.study.bench.yardstick import FLUXES, WEIGHTS, yardstick
 
 FEW = [each for each in PASSES if each.name in (YARDSTICK, "membrane flux", "membrane product")]
@@ -311,3 +314,26 @@ def test_a_gpu_keeps_all_cores() -> None:
         assert os.sched_getaffinity(0) == before
     with core_for(SimpleNamespace(is_cuda=False), max(before)) as core:
         assert os.sched_getaffinity(0) == {max(before)} == {core}
+
+
+def test_iterations_are_counted_until_a_sheet_folds() -> None:
+    found = bench_iterations((9,), scenes=("carpet", "hanging"), steps=3)
+    assert [run.scene for run in found.runs] == ["carpet"] + 6 * ["hanging"]
+    assert found.runs[0].nodes == (9, 7)
+    assert {run.stretching for run in found.runs[1:]} == {1e2, 1e3, 1e5}
+    assert all(run.steps == 3 and 1 <= run.mean <= run.most <= 40 for run in found.runs)
+    assert any("hanging" in line for line in found.lines())
+    flat = np.zeros((3, 3, 3))
+    flat[..., 0], flat[..., 1] = np.meshgrid(np.arange(3.0), np.arange(3.0), indexing="ij")
+    assert folds(flat) == pytest.approx(0.0, abs=1e-3)
+    bent = flat.copy()
+    bent[2] = bent[1] + [0.0, 0.0, 1.0] * np.ones((3, 1))
+    assert folds(bent) == pytest.approx(90.0)
+
+
+def test_threads_are_timed_beside_one() -> None:
+    found = bench_threads((24,), (2,), steps=2, repeats=2)
+    assert [run.threads for run in found.runs] == [1, 2]
+    assert all(run.same and run.fastest_ms > 0 for run in found.runs)
+    assert found.runs[0].gain == 1.0
+    assert any("24 x 24" in line for line in found.lines())

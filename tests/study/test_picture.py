@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motions import shearing_block, waving_strands
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 from typer.testing import CliRunner
 
@@ -19,6 +20,8 @@ from warpdeform.study.picture import blender as blender_engine
 from warpdeform.study.picture.camera import MARGIN, SENSOR, place_camera
 from warpdeform.study.picture.drawing import ground_height
 from warpdeform.study.picture.stage import StageReader
+from warpdeform.study.picture.tubes import tubes
+from warpdeform.usd import CurveSet, FrameWriter, SolidBlock
 
 RED, BLUE = (0.5, 0.03, 0.03), (0.02, 0.05, 0.5)
 
@@ -159,6 +162,92 @@ def test_ground_lies_below_a_body_that_hangs_free_and_under_a_pole(tmp_path):
     assert ground_height((drawing,)) == pytest.approx(0.05)
 
 
+def add_curves(stage, name, strands, *, widths, interpolation="constant", wrap="nonperiodic", color=RED):
+    """Linear curves of any lengths at frame 1."""
+    curves = UsdGeom.BasisCurves.Define(stage, f"/World/{name}")
+    curves.CreateTypeAttr("linear")
+    curves.CreateWrapAttr(wrap)
+    curves.CreateCurveVertexCountsAttr([len(strand) for strand in strands])
+    curves.CreatePointsAttr().Set(Vt.Vec3fArray.FromNumpy(np.concatenate(strands).astype(np.float32)), 1)
+    curves.CreateWidthsAttr(Vt.FloatArray.FromNumpy(np.asarray(widths, dtype=np.float32)))
+    curves.SetWidthsInterpolation(interpolation)
+    curves.CreateDisplayColorPrimvar(UsdGeom.Tokens.constant).Set([Gf.Vec3f(*color)])
+    return curves
+
+
+def test_reader_makes_tubes_of_curves_with_their_widths(tmp_path):
+    stage = new_stage(tmp_path / "curves.usda", frames=1)
+    short, long = np.array([[0, 0, 0], [0, 0, 1.0]]), np.array([[1, 0, 0], [1, 0, 1.0], [1, 1, 1], [1, 1, 0]])
+    add_curves(stage, "rope", [short, long, short + [3, 0, 0]], widths=[0.1, 0.2, 0.4], interpolation="uniform")
+    add_curves(stage, "point", [np.zeros((1, 3))], widths=[0.1])
+    UsdGeom.Sphere.Define(stage, "/World/ball")
+    stage.GetRootLayer().Save()
+    drawing = StageReader(tmp_path / "curves.usda").draw()
+    assert {item.name: item.role for item in drawing.items} == {"/World/rope": "body", "/World/ball": "obstacle"}
+    (rope,) = (item for item in drawing.items if item.role == "body")
+    assert not rope.thin
+    np.testing.assert_allclose(rope.colors, np.broadcast_to(RED, rope.points.shape), rtol=1e-6)
+    for x, radius in ((0.0, 0.05), (3.0, 0.2)):
+        near = np.abs(rope.points[:, 0] - x) < 0.5
+        across = np.linalg.norm(rope.points[near][:, :2] - [x, 0], axis=1)
+        np.testing.assert_allclose(across, radius, rtol=1e-6)
+    assert signed_volume(rope.points, rope.triangles) > 0
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_tubes_are_closed_face_outwards_and_do_not_wind(closed):
+    angle = np.linspace(0.0, 2 * np.pi, 40, endpoint=not closed)
+    knot = np.stack([(2 + np.cos(3 * angle)) * np.cos(2 * angle), (2 + np.cos(3 * angle)) * np.sin(2 * angle),
+                     np.sin(3 * angle)], axis=-1)  # fmt: skip
+    paths = np.stack([knot, 0.5 * knot[:, [1, 2, 0]]])
+    radii = np.broadcast_to([[0.1], [0.05]], (2, 40))
+    points, triangles, normals, owners = tubes(paths, radii, 9, closed=closed)
+    assert len(points) == len(normals) == len(owners)
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, rtol=1e-9)
+    reach = np.linalg.norm(points - paths.reshape(-1, 3)[owners], axis=1)
+    np.testing.assert_allclose(reach, radii.reshape(-1)[owners], rtol=1e-9)
+    a, b, c = points[triangles].swapaxes(0, 1)
+    assert (np.einsum("mx,mx->m", np.cross(b - a, c - a), normals[triangles].sum(axis=1)) > 0).all()
+    lengths = np.linalg.norm(np.diff(np.concatenate([paths, paths[:, :1]], axis=1), axis=1), axis=2)
+    length = (lengths if closed else lengths[:, :-1]).sum(axis=1)
+    expected = length @ [0.1**2, 0.05**2] * 4.5 * np.sin(2 * np.pi / 9)
+    assert signed_volume(points, triangles) == pytest.approx(expected, rel=0.03)
+    _, counts = np.unique(np.sort(merged(points, triangles), axis=1), axis=0, return_counts=True)
+    assert (counts == 2).all()
+
+
+def test_closed_tubes_join_without_a_twist():
+    """Frames that are carried around this coil come back turned by 25 degrees."""
+    angle = np.linspace(0.0, 2 * np.pi, 200, endpoint=False)
+    reach = 2 + 0.6 * np.cos(5 * angle)
+    coil = np.stack([reach * np.cos(angle), reach * np.sin(angle), 0.6 * np.sin(5 * angle)], axis=-1)
+    points, triangles, _, owners = tubes(coil[None], np.full((1, 200), 0.3), 48, closed=True)
+    a, b = points[triangles], points[np.roll(triangles, -1, axis=1)]
+    lengths = np.linalg.norm(b - a, axis=2)
+    seam = (owners[triangles] == 0).any(axis=1) & (owners[triangles] == 199).any(axis=1)
+    assert seam.sum() == 2 * 48
+    assert lengths[seam].max() < 1.1 * lengths[~seam].max()
+
+
+def test_tubes_survive_nodes_that_coincide_or_turn_back():
+    paths = np.array([[[0, 0, 0], [0, 0, 0], [0, 0, 1], [0, 0, 0.5], [0, 0, 0.5]]], dtype=float)
+    points, _, normals, _ = tubes(paths, np.full((1, 5), 0.1), 6, closed=False)
+    assert np.isfinite(points).all()
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, rtol=1e-9)
+
+
+def signed_volume(points, triangles):
+    a, b, c = points[triangles].swapaxes(0, 1)
+    return np.einsum("mx,mx->m", a, np.cross(b, c)).sum() / 6
+
+
+def merged(points, triangles):
+    """Edges of triangles (3 m, 2) by the numbers of places, where vertices at one place count as one."""
+    _, place = np.unique(np.round(points, 9), axis=0, return_inverse=True)
+    corners = place.reshape(-1)[triangles]
+    return np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
+
+
 @pytest.mark.parametrize(
     ("surface", "volume"),
     [
@@ -174,7 +263,7 @@ def test_ground_lies_below_a_body_that_hangs_free_and_under_a_pole(tmp_path):
 def test_solids_are_closed_face_outwards_and_have_unit_normals(surface, volume):
     points, triangles, normals = surface
     a, b, c = points[triangles].swapaxes(0, 1)
-    assert np.einsum("mx,mx->m", a, np.cross(b, c)).sum() / 6 == pytest.approx(volume, rel=5e-3)
+    assert signed_volume(points, triangles) == pytest.approx(volume, rel=5e-3)
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, rtol=1e-9)
     flat = np.cross(b - a, c - a)
     real = np.linalg.norm(flat, axis=1) > 1e-12
@@ -254,6 +343,39 @@ def test_matplotlib_hides_what_is_behind(tmp_path):
         seen[name] = reddish(image).mean(), bluish(image).mean()
     assert seen["top"] == (1.0, 0.0)
     assert seen["bottom"] == (0.0, 1.0)
+
+
+def test_matplotlib_draws_strands_and_solids_that_the_engine_writes(tmp_path):
+    """Red strands behind a blue block, seen from either side of it."""
+    pytest.importorskip("matplotlib")
+    path = tmp_path / "both.usdc"
+    bodies = [CurveSet("strands", (9, 8), 0.03, color=RED), SolidBlock("block", (5, 4, 3), color=BLUE)]
+    samples = {"strands": waving_strands(0.0, (9, 8), length=0.2), "block": shearing_block(0.0)}
+    places = {"strands": [-0.17, 0.0, 0.0], "block": [0.0, 0.6, 0.0]}
+    with FrameWriter(path, bodies=bodies, fps=60) as writer:
+        positions = {name: sample[0] + places[name] for name, sample in samples.items()}
+        writer.write(0.0, positions, {name: sample[1] for name, sample in samples.items()})
+    drawing = StageReader(path).draw()
+    assert [(item.name, item.thin) for item in drawing.items] == [("/World/strands", False), ("/World/block", False)]
+    for azimuth, seen in ((-90.0, True), (90.0, False)):
+        render_still(path, tmp_path / "both.png", size=(192, 108), engine="matplotlib", camera=(azimuth, 3.0, 1.0))
+        image = pixels(tmp_path / "both.png")
+        assert bluish(image).mean() > 0.04
+        assert reddish(image).mean() > 0.05 if seen else not reddish(image).any()
+
+
+def test_matplotlib_shows_the_near_side_of_solids(tmp_path):
+    """A red rope in a blue block is not seen."""
+    pytest.importorskip("matplotlib")
+    path = tmp_path / "inside.usdc"
+    with FrameWriter(path, fps=60, bodies=[CurveSet("rope", (2, 1), 0.05, color=RED),
+                                           SolidBlock("block", (3, 3, 3), color=BLUE)]) as writer:  # fmt: skip
+        rope, block = np.array([[[0.0, 0.0, 0.1]], [[0.0, 0.0, 0.2]]]), shearing_block(0.0, (3, 3, 3))[0]
+        writer.write(0.0, {"rope": rope, "block": block}, {"rope": 0 * rope, "block": 0 * block})
+    render_still(path, tmp_path / "inside.png", size=(96, 54), engine="matplotlib")
+    image = pixels(tmp_path / "inside.png")
+    assert bluish(image).mean() > 0.1
+    assert not reddish(image).any()
 
 
 def test_matplotlib_draws_a_strip(result, tmp_path):

@@ -1,4 +1,4 @@
-"""A waving sheet with exact velocities, and a file of it."""
+"""A waving sheet with exact velocities, a file of it, and files of other motions."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from warpdeform.usd.description import BodyDescription
 from warpdeform.usd.frames import FrameWriter
-from warpdeform.usd.topology import SurfaceMesh
+from warpdeform.usd.surface import SurfaceMesh
 
 FPS = 60.0
 NODES = (7, 5)
@@ -42,3 +43,17 @@ def written(wave: Wave) -> Callable[..., Path]:
         return path
 
     return write
+
+
+@pytest.fixture
+def recorded() -> Callable[..., Path]:
+    """Write a file of described bodies, each with its motion (:mod:`motions`), and return its path."""
+
+    def record(path: Path, moving: list[tuple[BodyDescription, Callable]], frames: int = 6, **settings: object) -> Path:
+        with FrameWriter(path, bodies=[body for body, _ in moving], fps=FPS, chunk_frames=4, **settings) as writer:  # type: ignore[arg-type]
+            for k in range(frames):
+                samples = {body.name: motion(k / FPS, body.nodes) for body, motion in moving}
+                writer.write(k / FPS, *({name: pair[part] for name, pair in samples.items()} for part in (0, 1)))
+        return path
+
+    return record

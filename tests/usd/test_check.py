@@ -7,13 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motions import shearing_block, waving_strands
 from pxr import Gf, Usd, UsdGeom
 
 from warpdeform.errors import InputError
 from warpdeform.obstacle import Obstacle
 from warpdeform.track import Track
 from warpdeform.usd.check import check_stage, schema_errors
+from warpdeform.usd.curves import CurveSet
 from warpdeform.usd.mesh import warp_asset
+from warpdeform.usd.solid import SolidBlock
 
 BALL = Obstacle("sphere", {"radius": 0.3}, name="ball", track=Track.line((0, 0, 0), (1, 0, 2), 0.0, 0.1))
 TORUS = Obstacle("torus", {"radius": 0.4, "tube_radius": 0.1}, name="torus")
@@ -107,6 +110,131 @@ def test_every_mistake_is_found(tmp_path: Path, written: Callable[..., Path], na
     assert any(words in finding for finding in findings), findings
 
 
+def curves_of(stage: Usd.Stage) -> UsdGeom.BasisCurves:
+    return UsdGeom.BasisCurves(stage.GetPrimAtPath("/World/hair"))
+
+
+def cells_of(stage: Usd.Stage) -> UsdGeom.TetMesh:
+    return UsdGeom.TetMesh(stage.GetPrimAtPath("/World/block_tetrahedra"))
+
+
+def set_element(attribute: Usd.Attribute, code: float | None, node: int, value: object) -> None:
+    """Set one element of a sample, or of the value at all times."""
+    time = Usd.TimeCode.Default() if code is None else Usd.TimeCode(code)
+    array = np.array(attribute.Get(time))
+    array[node] = value
+    attribute.Set(array, time)
+
+
+def grow(stage: Usd.Stage) -> None:
+    """Make a strand half as thick again, but not its extent."""
+    set_element(curves_of(stage).GetWidthsAttr(), None, 3, 0.03)
+
+
+def turn(stage: Usd.Stage) -> None:
+    """Say that the tetrahedra are left-handed."""
+    cells_of(stage).GetOrientationAttr().Set(UsdGeom.Tokens.leftHanded)
+
+
+OTHER_KINDS: dict[str, tuple[Callable[[Usd.Stage], object], str]] = {
+    "counts": (
+        lambda stage: curves_of(stage).GetCurveVertexCountsAttr().Set([9] * 3 + [8]),
+        "/World/hair: the curves do not fit the points",
+    ),
+    "one point": (
+        lambda stage: curves_of(stage).GetCurveVertexCountsAttr().Set([9] * 3 + [8, 1]),
+        "the curves do not fit the points",
+    ),
+    "closed from two points": (
+        lambda stage: (
+            curves_of(stage).GetWrapAttr().Set("periodic"),
+            curves_of(stage).GetCurveVertexCountsAttr().Set([2] * 18),
+        ),
+        "the curves do not fit the points",
+    ),
+    "changing counts": (
+        lambda stage: curves_of(stage).GetCurveVertexCountsAttr().Set([9] * 4, 2),
+        "curveVertexCounts changes over time",
+    ),
+    "fewer widths": (lambda stage: curves_of(stage).GetWidthsAttr().Set([0.02] * 35), "35 and not 36, time code 1"),
+    "widths of strands": (
+        lambda stage: curves_of(stage).SetWidthsInterpolation("uniform"),
+        "there are not as many widths as are uniform (36 and not 4",
+    ),
+    "no width": (
+        lambda stage: set_element(curves_of(stage).GetWidthsAttr(), None, 3, 0.0),
+        "widths are not finite and",
+    ),
+    "bad width": (
+        lambda stage: set_element(curves_of(stage).GetWidthsAttr(), None, 3, np.nan),
+        "/World/hair: widths are not finite and above 0 (time code 1), and 5 more",
+    ),
+    "wider than the extent": (grow, "/World/hair: the extent is not that of the points (time code 1), and 5 more"),
+    "strand not finite": (
+        lambda stage: set_element(curves_of(stage).GetPointsAttr(), 2, 30, np.inf),
+        "/World/hair: points is not finite (element 30, time code 2)",
+    ),
+    "strands backwards": (
+        lambda stage: [
+            curves_of(stage).GetVelocitiesAttr().Set(-np.array(curves_of(stage).GetVelocitiesAttr().Get(k)), k)
+            for k in range(1, 7)
+        ],
+        "/World/hair: velocities do not agree with the motion",
+    ),
+    "lost strand sample": (
+        lambda stage: curves_of(stage).GetVelocitiesAttr().ClearAtTime(3),
+        "/World/hair: velocities does not have one sample at each time code",
+    ),
+    "inverted": (
+        lambda stage: set_element(cells_of(stage).GetPointsAttr(), 4, 0, (0.25, 0.2, 0.2)),
+        "/World/block_tetrahedra: tetrahedra are inverted (",
+    ),
+    "all inverted": (turn, "tetrahedra are inverted (144 of 144, time code 1), and 5 more"),
+    "bad corner": (
+        lambda stage: set_element(cells_of(stage).GetTetVertexIndicesAttr(), None, 0, 99),
+        "the tetrahedra do not fit the points",
+    ),
+    "bad surface": (
+        lambda stage: set_element(cells_of(stage).GetSurfaceFaceVertexIndicesAttr(), None, 0, -1),
+        "the surface faces do not fit the points",
+    ),
+    "skin inside out": (
+        lambda stage: UsdGeom.Mesh(stage.GetPrimAtPath("/World/block")).GetOrientationAttr().Set("leftHanded"),
+        "/World/block: the mesh is closed, but its faces look inwards",
+    ),
+    "normals of corners": (
+        lambda stage: UsdGeom.Mesh(stage.GetPrimAtPath("/World/block")).GetNormalsAttr().Set([(0, 0, 1)], 2),
+        "there are not as many normals as face corners (time code 2)",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", OTHER_KINDS)
+def test_every_mistake_of_curves_and_solids_is_found(tmp_path: Path, recorded: Callable[..., Path], name: str) -> None:
+    hair = CurveSet("hair", (9, 4), np.linspace(0.01, 0.005, 9)[:, None])
+    path = recorded(tmp_path / "both.usda", [(hair, waving_strands), (SolidBlock("block", (5, 4, 3)), shearing_block)])
+    assert check_stage(path, tolerance=0.01) == []
+    edit, words = OTHER_KINDS[name]
+    stage = Usd.Stage.Open(str(path))
+    edit(stage)
+    stage.Save()
+    findings = check_stage(path)
+    assert any(words in finding for finding in findings), findings
+
+
+def test_widths_by_strand_may_change_over_time(tmp_path: Path, recorded: Callable[..., Path]) -> None:
+    path = recorded(tmp_path / "hair.usda", [(CurveSet("hair", (9, 4), 0.01), waving_strands)])
+    stage = Usd.Stage.Open(str(path))
+    curves = curves_of(stage)
+    curves.GetWidthsAttr().Clear()
+    curves.SetWidthsInterpolation("uniform")
+    for code in range(1, 7):
+        curves.GetWidthsAttr().Set([0.02, 0.01 * code, 0.01, 0.01], code)
+        curves.GetExtentAttr().Set(UsdGeom.Boundable.ComputeExtentFromPlugins(curves, code), code)
+    stage.Save()
+    assert check_stage(path) == []
+
+
 def test_repeated_mistakes_are_counted(tmp_path: Path, written: Callable[..., Path]) -> None:
     path = written(tmp_path / "wave.usda")
     stage = Usd.Stage.Open(str(path))
@@ -146,8 +274,7 @@ def test_files_that_cannot_be_opened(tmp_path: Path) -> None:
 
 
 def test_pxr_is_imported_only_when_it_is_needed() -> None:
-    code = (
-        "import sys, warpdeform.usd; from warpdeform.usd import check_output, SurfaceMesh; print('pxr' in sys.modules)"
-    )
+    names = "check_output, CurveSet, SolidBlock, SurfaceMesh"
+    code = f"import sys, warpdeform.usd; from warpdeform.usd import {names}; print('pxr' in sys.modules)"
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip() == "False"

@@ -10,7 +10,7 @@ from warpdeform.obstacle import Obstacle
 from warpdeform.track import Track
 from warpdeform.usd.check import check_stage, schema_errors
 from warpdeform.usd.frames import FrameWriter
-from warpdeform.usd.topology import SurfaceMesh
+from warpdeform.usd.surface import SurfaceMesh
 
 FPS = 60.0
 SHEET = SurfaceMesh("sheet", (7, 5), color=(0.2, 0.3, 0.4), roughness=0.5, thickness=0.002)
@@ -78,19 +78,6 @@ def test_prims_of_the_surface(tmp_path: Path, written: Written) -> None:
     shader, _, _ = material.ComputeSurfaceSource()
     assert shader.GetShaderId() == "UsdPreviewSurface"
     np.testing.assert_allclose(shader.GetInput("diffuseColor").Get(), SHEET.color)
-
-
-def test_closed_surfaces_are_single_sided_and_enclose_a_positive_volume(tmp_path: Path) -> None:
-    u, v = np.meshgrid(2 * np.pi * np.arange(8) / 8, 2 * np.pi * np.arange(6) / 6, indexing="ij")
-    ring = 1 + 0.3 * np.cos(v)
-    points = np.stack([ring * np.cos(u), ring * np.sin(u), 0.3 * np.sin(v)], axis=-1)
-    path = tmp_path / "ring.usda"
-    with FrameWriter(path, bodies=[SurfaceMesh("sheet", (8, 6), (True, True))], fps=24) as writer:
-        writer.write(0.0, {"sheet": points}, {"sheet": 0 * points})
-    assert check_stage(path) == []
-    stage = Usd.Stage.Open(str(path))
-    assert sheet_of(stage).GetDoubleSidedAttr().Get() is False
-    assert (stage.GetStartTimeCode(), stage.GetEndTimeCode()) == (1, 1)
 
 
 def test_obstacles_are_native_prims_with_their_poses(tmp_path: Path, written: Written) -> None:

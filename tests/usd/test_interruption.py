@@ -11,41 +11,71 @@ from unittest.mock import Mock
 
 import numpy as np
 import pytest
+from motions import shearing_block, waving_strands
 from pxr import Usd, UsdGeom
 
 from warpdeform.errors import InputError, WarpdeformError
 from warpdeform.usd import chunks
 from warpdeform.usd.check import check_stage
+from warpdeform.usd.curves import CurveSet
 from warpdeform.usd.frames import FrameWriter
-from warpdeform.usd.topology import SurfaceMesh
+from warpdeform.usd.solid import SolidBlock
+from warpdeform.usd.surface import SurfaceMesh
 
 FPS = 60.0
 SHEET = SurfaceMesh("sheet", (7, 5))
 CHILD = """
 import sys
 import numpy as np
+from motions import shearing_block, waving_strands
 from warpdeform.obstacle import Obstacle
 from warpdeform.track import Track
-from warpdeform.usd.frames import FrameWriter
-from warpdeform.usd.topology import SurfaceMesh
+from warpdeform.usd import CurveSet, FrameWriter, SolidBlock, SurfaceMesh
 
 u, v = np.meshgrid(np.linspace(0, 1, 40), np.linspace(0, 1, 40), indexing="ij")
 ball = Obstacle("sphere", {"radius": 0.1}, track=Track([0], [(0, 0, 1)], spin=(0, 0, 3)))
-with FrameWriter(sys.argv[1], bodies=[SurfaceMesh("sheet", (40, 40))], obstacles=[ball], fps=60, chunk_frames=3) as w:
+bodies = [SurfaceMesh("sheet", (40, 40)), CurveSet("strands", (9, 4), 0.01), SolidBlock("block", (5, 4, 3))]
+with FrameWriter(sys.argv[1], bodies=bodies, obstacles=[ball], fps=60, chunk_frames=3) as w:
     for k in range(100000):
         x = np.stack([u, v, 0.1 * np.sin(4 * u + k / 10)], axis=-1)
-        w.write(k / 60, {"sheet": x}, {"sheet": np.stack([0 * u, 0 * u, 0.6 * np.cos(4 * u + k / 10)], axis=-1)})
+        sheet = x, np.stack([0 * u, 0 * u, 0.6 * np.cos(4 * u + k / 10)], axis=-1)
+        samples = {"sheet": sheet, "strands": waving_strands(k / 60), "block": shearing_block(k / 60)}
+        w.write(k / 60, *({name: sample[part] for name, sample in samples.items()} for part in (0, 1)))
         print(k + 1, flush=True)
 """
+"""A sheet, strands and a block, written without end."""
+ALL_PRIMS = ["block", "block_tetrahedra", "sheet", "strands"]
+ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
 
 
 def child_with_frames(path: Path, frames: int) -> subprocess.Popen:
     """A process that writes without end, after its first `frames` frames."""
-    child = subprocess.Popen([sys.executable, "-c", CHILD, str(path)], stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    command = [sys.executable, "-c", CHILD, str(path)]
+    child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=ENVIRONMENT)
     assert child.stdout is not None
     for _ in range(frames):
         assert child.stdout.readline(), child.stderr.read() if child.stderr else ""
     return child
+
+
+def moving_prims(path: Path) -> list[str]:
+    """Names of the prims whose points have samples."""
+    stage = Usd.Stage.Open(str(path))
+    of_points = [UsdGeom.PointBased(prim) for prim in stage.Traverse() if prim.IsA(UsdGeom.PointBased)]
+    return sorted(prim.GetPrim().GetName() for prim in of_points if prim.GetPointsAttr().GetNumTimeSamples())
+
+
+def sampled_values(path: Path) -> list[tuple[tuple[str, float], np.ndarray]]:
+    """Every sample of a file by attribute and time code."""
+    stage = Usd.Stage.Open(str(path))
+    attributes = [attribute for prim in stage.Traverse() for attribute in prim.GetAuthoredAttributes()]
+    codes = np.arange(stage.GetStartTimeCode(), stage.GetEndTimeCode() + 1)
+    return [
+        ((str(attribute.GetPath()), code), np.array(attribute.Get(code)))
+        for attribute in attributes
+        if attribute.GetNumTimeSamples()
+        for code in codes
+    ]
 
 
 def last_frame(child: subprocess.Popen, before: int) -> int:
@@ -65,6 +95,7 @@ def test_kill_leaves_the_frames_up_to_the_last_chunk(tmp_path: Path, frames: int
     said = last_frame(child, frames)
     partial = tmp_path / "wave.partial.usda"
     assert check_stage(partial) == []
+    assert moving_prims(partial) == ALL_PRIMS
     stage = Usd.Stage.Open(str(partial))
     assert said - 2 <= stage.GetEndTimeCode() <= said + 1
     assert stage.GetRootLayer().customLayerData["warpdeform"]["state"] == "running"
@@ -85,10 +116,31 @@ def test_ctrl_c_leaves_the_requested_file(tmp_path: Path) -> None:
     assert b"KeyboardInterrupt" in errors
     assert f"are in {path}".encode() in errors
     assert check_stage(path) == []
+    assert moving_prims(path) == ALL_PRIMS
     stage = Usd.Stage.Open(str(path))
     assert stage.GetEndTimeCode() >= 5
     assert stage.GetRootLayer().customLayerData["warpdeform"]["state"] == "interrupted"
     assert os.listdir(tmp_path) == ["wave.usdc"]
+
+
+@pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])
+def test_clips_and_the_stitched_file_show_the_same_of_every_kind(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"zoo{suffix}"
+    bodies = [CurveSet("strands", (9, 4), 0.01), SolidBlock("block", (5, 4, 3))]
+    motions = {"strands": waving_strands, "block": shearing_block}
+    seen = []
+    with FrameWriter(path, bodies=bodies, fps=FPS, chunk_frames=3) as writer:
+        for k in range(7):
+            samples = {name: motion(k / FPS) for name, motion in motions.items()}
+            writer.write(k / FPS, *({name: sample[part] for name, sample in samples.items()} for part in (0, 1)))
+        writer.flush()
+        seen.append(sampled_values(writer.partial_path))
+    seen.append(sampled_values(path))
+    assert check_stage(path, tolerance=0.01) == []
+    assert [key for key, _ in seen[0]] == [key for key, _ in seen[1]]
+    assert len(seen[1]) == (3 + 4 + 3) * 7
+    for (_, partial), (_, whole) in zip(*seen, strict=True):
+        np.testing.assert_array_equal(partial, whole)
 
 
 @pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])
@@ -169,7 +221,10 @@ def test_a_file_system_that_refuses_is_explained(tmp_path: Path) -> None:
     )
     path = tmp_path / "wave.usdc"
     child = subprocess.run(
-        [sys.executable, "-c", limited.replace("100000", "12"), str(path)], capture_output=True, check=False
+        [sys.executable, "-c", limited.replace("100000", "12"), str(path)],
+        capture_output=True,
+        check=False,
+        env=ENVIRONMENT,
     )
     assert b"WarpdeformError" in child.stderr
     assert b"first 12 frames can be read from" in child.stderr

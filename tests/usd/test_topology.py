@@ -1,127 +1,117 @@
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from motions import breathing_torus, shearing_block
 
-from warpdeform.errors import InputError
 from warpdeform.usd.topology import (
-    SurfaceMesh,
-    creased_normals,
-    extent,
+    block_sides,
+    block_tetrahedra,
+    cap_faces,
+    cell_counts,
+    flattened,
     quad_indices,
     texture_coordinates,
-    vertex_normals,
 )
 
-
-def torus(nodes: tuple[int, int], radius: float = 1.0, tube: float = 0.3) -> tuple[NDArray, NDArray]:
-    """Points and exact normals of a torus whose r_u x r_v points outwards."""
-    u, v = (np.linspace(0.0, 2.0 * np.pi, n, endpoint=False) for n in nodes)
-    u, v = np.meshgrid(u, v, indexing="ij")
-    normals = np.stack([np.cos(v) * np.cos(u), np.cos(v) * np.sin(u), np.sin(v)], axis=-1)
-    centres = radius * np.stack([np.cos(u), np.sin(u), 0.0 * u], axis=-1)
-    return (centres + tube * normals).astype(np.float32), normals
+BLOCKS = [(False, False, False), (True, False, False), (False, True, False), (False, False, True), (True, True, False)]
 
 
 @pytest.mark.parametrize("nodes", [(2, 2), (2, 7), (5, 3)])
 def test_quads_cover_the_grid_counter_clockwise(nodes: tuple[int, int]) -> None:
     i, j = np.meshgrid(np.arange(nodes[0]), np.arange(nodes[1]), indexing="ij")
     points = np.stack([i, j, 0 * i], axis=-1).reshape(-1, 3).astype(float)
-    quads = points[quad_indices(SurfaceMesh("a", nodes))]
+    quads = points[quad_indices(nodes)]
     areas = 0.5 * np.cross(quads[:, 2] - quads[:, 0], quads[:, 3] - quads[:, 1])
     np.testing.assert_array_equal(areas, np.tile([0.0, 0.0, 1.0], ((nodes[0] - 1) * (nodes[1] - 1), 1)))
 
 
 @pytest.mark.parametrize("periodic", [(True, False), (False, True), (True, True)])
 def test_periodic_axes_close(periodic: tuple[bool, bool]) -> None:
-    mesh = SurfaceMesh("a", (5, 4), periodic)
-    quads = quad_indices(mesh)
+    quads = quad_indices((5, 4), periodic)
     edges = np.sort(np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
     border = int((np.unique(edges, axis=0, return_counts=True)[1] == 1).sum())
     assert border == {(True, False): 10, (False, True): 8, (True, True): 0}[periodic]
-    assert len(quads) == mesh.cells[0] * mesh.cells[1]
+    assert len(quads) == np.prod(cell_counts((5, 4), periodic))
 
 
 @pytest.mark.parametrize("periodic", [(False, False), (True, False), (True, True)])
 def test_texture_coordinates_never_run_backwards_over_a_seam(periodic: tuple[bool, bool]) -> None:
-    mesh = SurfaceMesh("a", (5, 4), periodic)
-    values, corners = texture_coordinates(mesh)
-    quads = values[corners].reshape(-1, 4, 2)
+    values, corners = texture_coordinates((5, 4), periodic)
+    quads = values[corners]
     assert values.min() == 0.0
     assert values.max() == 1.0
-    step = 1.0 / np.array(mesh.cells)
+    step = 1.0 / np.array(cell_counts((5, 4), periodic))
     np.testing.assert_allclose(quads[:, 2] - quads[:, 0], np.tile(step, (len(quads), 1)), atol=1e-6)
 
 
-def test_normals_of_a_torus_point_outwards_and_converge() -> None:
-    errors = []
-    for scale in (1, 2):
-        points, exact = torus((24 * scale, 16 * scale))
-        normals = vertex_normals(points, (True, True))
-        np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, atol=1e-6)
-        errors.append(np.abs(normals - exact).max())
-    assert errors[0] < 0.05
-    assert errors[1] < 0.3 * errors[0]
+@pytest.mark.parametrize("count", range(3, 10))
+def test_caps_cover_their_ring_and_keep_its_sense(count: int) -> None:
+    angle = 2.0 * np.pi * np.arange(count) / count
+    ring = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    area = 0.0
+    edges: list[tuple[int, int]] = []
+    for faces in cap_faces(count):
+        for corners in faces:
+            a, b = ring[corners], ring[np.roll(corners, -1)]
+            own = 0.5 * float(np.sum(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]))
+            assert own > 0.0
+            area += own
+            edges += zip(corners, np.roll(corners, -1), strict=True)
+    assert area == pytest.approx(0.5 * count * np.sin(2.0 * np.pi / count))
+    assert {(k, (k + 1) % count) for k in range(count)} <= set(edges)
+    assert len(set(edges)) == len(edges)
 
 
-def test_normals_of_an_open_sheet_at_its_border() -> None:
-    u, v = np.meshgrid(np.linspace(0, 1, 4), np.linspace(0, 2, 3), indexing="ij")
-    points = np.stack([v, u, 0.5 * u], axis=-1)  # r_u x r_v = (0, 1, 0.5) x (1, 0, 0) = (0, 0.5, -1)
-    expected = np.array([0.0, 0.5, -1.0]) / np.sqrt(1.25)
-    np.testing.assert_allclose(
-        vertex_normals(points.astype(np.float32)), np.broadcast_to(expected, (4, 3, 3)), atol=1e-6
-    )
+@pytest.mark.parametrize("periodic", BLOCKS)
+@pytest.mark.parametrize("turned", [False, True])
+def test_sides_of_a_block_close_and_leave_out_what_wraps(periodic: tuple, turned: bool) -> None:
+    nodes = (4, 5, 3)
+    sides = block_sides(nodes, periodic, turned)
+    assert len(sides) == 2 * (3 - sum(periodic))
+    quads = np.concatenate([side.nodes.reshape(-1)[quad_indices(side.nodes.shape, side.periodic)] for side in sides])
+    cells = cell_counts(nodes, periodic)
+    expected = sum(2 * np.prod(cells) // cells[axis] for axis in range(3) if not periodic[axis])
+    assert len(quads) == expected
+    edges = np.stack([quads, np.roll(quads, -1, axis=1)], axis=-1).reshape(-1, 2)
+    assert len(np.unique(edges, axis=0)) == len(edges)  # each way once: closed, and all faces agree
+    np.testing.assert_array_equal(np.unique(edges, axis=0), np.unique(edges[:, ::-1], axis=0))
 
 
-@pytest.mark.parametrize("shape", ["folded flat", "one point", "one line", "tiny"])
-def test_normals_are_unit_vectors_whatever_the_sheet_does(shape: str) -> None:
-    u, v = np.meshgrid(np.linspace(0.0, 1.0, 5), np.linspace(0.0, 1.0, 4), indexing="ij")
-    points = {
-        "folded flat": np.stack([np.abs(u - 0.5), v, 0 * u], axis=-1),
-        "one point": np.ones((5, 4, 3)),
-        "one line": np.stack([u, u, u], axis=-1),
-        "tiny": 1e-9 * np.stack([u, v, 0 * u], axis=-1),
-    }[shape].astype(np.float32)
-    normals = vertex_normals(points)
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, atol=1e-5)
+@pytest.mark.parametrize("periodic", BLOCKS)
+def test_tetrahedra_fill_the_block_face_to_face(periodic: tuple) -> None:
+    nodes = (4, 3, 5)
+    tetrahedra = block_tetrahedra(nodes, periodic)
+    assert len(tetrahedra) == 6 * np.prod(cell_counts(nodes, periodic))
+    faces = tetrahedra[:, [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]]].reshape(-1, 3)  # outside, as USD has it
+    faces = np.take_along_axis(faces, (faces.argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
+    back = faces[:, [0, 2, 1]]
+    alone = faces[~(faces[:, None] == back).all(axis=2).any(axis=1)]
+    sides = block_sides(nodes, periodic)
+    quads = np.concatenate([side.nodes.reshape(-1)[quad_indices(side.nodes.shape, side.periodic)] for side in sides])
+    skin = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    skin = np.take_along_axis(skin, (skin.argmin(axis=1)[:, None] + np.arange(3)) % 3, axis=1)
+    np.testing.assert_array_equal(np.unique(alone, axis=0), np.unique(skin, axis=0))
+    assert len(alone) == len(skin)
 
 
-def test_creased_normals_keep_edges_and_smooth_the_rest() -> None:
-    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    faces = np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
-    of_cube = creased_normals(corners, faces)
-    assert np.isin(np.abs(of_cube), (0.0, 1.0)).all()
-    assert (np.einsum("ij,ij->i", of_cube, corners[faces.reshape(-1)]) > 0).all()
-
-    points, exact = torus((48, 24))
-    grid = quad_indices(SurfaceMesh("a", (48, 24), (True, True)))
-    faces = np.concatenate([grid[:, :3], grid[:, [0, 2, 3]]])
-    smooth = creased_normals(points.reshape(-1, 3), faces)
-    np.testing.assert_allclose(smooth, exact.reshape(-1, 3)[faces.reshape(-1)], atol=0.07)
+@pytest.mark.parametrize("turned", [False, True])
+def test_tetrahedra_have_positive_volumes(turned: bool) -> None:
+    points = shearing_block(0.1, (4, 3, 5))[0]
+    points = points * [1.0, 1.0, -1.0] if turned else points
+    r = points.reshape(-1, 3)[block_tetrahedra((4, 3, 5), (False,) * 3, turned)]
+    volumes = np.einsum("ij,ij->i", r[:, 1] - r[:, 0], np.cross(r[:, 2] - r[:, 0], r[:, 3] - r[:, 0])) / 6.0
+    assert (volumes > 0.0).all()
+    assert volumes.sum() == pytest.approx(0.6 * 0.4 * 0.3, rel=0.02)
 
 
-def test_creased_normals_of_degenerate_faces_are_unit_vectors() -> None:
-    vertices = np.array([[0.0, 0, 0], [1, 0, 0], [2, 0, 0], [0, 1, 0]])
-    normals = creased_normals(vertices, np.array([[0, 1, 2], [0, 1, 3]]))
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
+def test_tetrahedra_of_a_ring_span_its_seams() -> None:
+    points = breathing_torus(0.0, (24, 12, 3))[0].reshape(-1, 3)
+    r = points[block_tetrahedra((24, 12, 3), (True, True, False))]
+    volumes = np.einsum("ij,ij->i", r[:, 1] - r[:, 0], np.cross(r[:, 2] - r[:, 0], r[:, 3] - r[:, 0])) / 6.0
+    assert (volumes > 0.0).all()
+    assert volumes.sum() == pytest.approx(2.0 * np.pi**2 * 0.5 * 0.2**2 * (1 - 0.4**2), rel=0.06)
 
 
-def test_extent() -> None:
-    points = np.random.default_rng(1).normal(size=(4, 3, 3)).astype(np.float32)
-    rows = points.reshape(-1, 3)
-    np.testing.assert_array_equal(extent(points), [rows.min(axis=0), rows.max(axis=0)])
-
-
-@pytest.mark.parametrize(
-    ("arguments", "key"),
-    [
-        ({"nodes": (1, 5)}, "nodes"),
-        ({"nodes": (2, 5), "periodic": (True, False)}, "nodes"),
-        ({"nodes": (3, 3), "color": (0.1, float("nan"), 0.0)}, "color"),
-        ({"nodes": (3, 3), "roughness": 1.5}, "roughness"),
-        ({"nodes": (3, 3), "thickness": -1.0}, "thickness"),
-    ],
-)
-def test_refused_descriptions(arguments: dict, key: str) -> None:
-    with pytest.raises(InputError, match=key):
-        SurfaceMesh("a", **arguments)
+def test_flattened_keeps_the_order_of_groups() -> None:
+    counts, corners = flattened([np.array([[0, 1, 2, 3]]), np.array([[4, 5, 6], [7, 8, 9]])])
+    np.testing.assert_array_equal(counts, [4, 3, 3])
+    np.testing.assert_array_equal(corners, np.arange(10))

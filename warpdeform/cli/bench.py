@@ -107,6 +107,62 @@ def step(
 
 @bench.command()
 @ending_well
+def threads(
+    sizes: Annotated[str, typer.Option("--sizes", metavar="N,N,...", help="Nodes along each side.")] = "64,128,256,512",
+    counts: Annotated[str, typer.Option("--threads", metavar="N,N,...", help="Threads beside one.")] = "2",
+    scene: Annotated[str, typer.Option("--scene", help="Name or path of the scene.")] = "hanging",
+    repeats: Repeats = 5,
+    sets: Set = None,
+    as_json: Json = False,
+) -> None:
+    """Time a step shared by threads beside one thread, and compare the results to the bit."""
+
+    def run() -> Result:
+        from warpdeform.scene import parse_override
+        from warpdeform.study.bench.threads import bench_threads
+
+        return bench_threads(
+            _numbers("--sizes", sizes),
+            _numbers("--threads", counts, least=1),
+            scene=scene,
+            repeats=repeats,
+            overrides=[parse_override(text) for text in sets or ()],
+            said=_say,
+        )
+
+    _report(run, as_json)
+
+
+@bench.command()
+@ending_well
+def iterations(
+    sizes: Annotated[str, typer.Option("--sizes", metavar="N,N,...", help="Nodes along the longer side.")] = "17,33,65",
+    scenes: Annotated[str, typer.Option("--scenes", metavar="S,S,...", help="Scenes.")] = "hanging,flag,carpet",
+    steps: Annotated[int, typer.Option("--steps", min=1, help="Steps of a run at most.")] = 36,
+    precision: Annotated[str, typer.Option("--precision", help="float64 (to 1e-4) or float32 (to 1e-3).")] = "float64",
+    sets: Set = None,
+    as_json: Json = False,
+) -> None:
+    """Count the iterations of conjugate gradient with multigrid until a sheet folds, over sizes and materials."""
+
+    def run() -> Result:
+        from warpdeform.scene import parse_override
+        from warpdeform.study.bench.iterations import bench_iterations
+
+        return bench_iterations(
+            _numbers("--sizes", sizes),
+            scenes=scenes.split(","),
+            steps=steps,
+            precision=_checked(precision),
+            overrides=[parse_override(text) for text in sets or ()],
+            said=_say,
+        )
+
+    _report(run, as_json)
+
+
+@bench.command()
+@ending_well
 def scaling(
     sizes: Sizes = "16,32,64,128,256,512,1024",
     scene: Annotated[str, typer.Option("--scene", help="Name or path of the scene.")] = "hanging",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -54,7 +55,7 @@ def _summary(target: str, sets: list[str] | None, device: str | None) -> dict[st
     scene = asked_scene(target, sets, device=device)
     return {
         "bodies": len(scene.bodies),
-        "nodes": sum(body.nodes[0] * body.nodes[1] for body in scene.bodies),
+        "nodes": sum(math.prod(body.nodes) for body in scene.bodies),
         "obstacles": len(scene.obstacles),
         "frames": scene.frames,
         "fps": scene.settings.fps,

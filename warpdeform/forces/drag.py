@@ -5,6 +5,7 @@ import warp as wp
 from warpdeform.forces.force import BodyArrays, Force
 from warpdeform.forces.parameters import Parameters
 from warpdeform.kernels.loads import drag
+from warpdeform.launching import launch_lanes
 
 
 class Drag(Force):
@@ -34,28 +35,28 @@ class Drag(Force):
         self._damping.write([self.rate / tau])
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
-        wp.launch(
+        launch_lanes(
             self._kernels.add_energy,
-            dim=body.layout.lane_dim,
-            inputs=[body.mass, body.w, position, self._damping.array],
-            outputs=[partials],
+            body.layout,
+            body.mass,
+            body.w,
+            position,
+            self._damping.array,
+            partials,
             device=body.device,
         )
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
-        wp.launch(
+        launch_lanes(
             self._kernels.add_gradient,
-            dim=body.layout.lane_dim,
-            inputs=[body.mass, body.w, position, self._damping.array],
-            outputs=[gradient],
+            body.layout,
+            body.mass,
+            body.w,
+            position,
+            self._damping.array,
+            gradient,
             device=body.device,
         )
 
     def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
-        wp.launch(
-            self._kernels.add_blocks,
-            dim=body.layout.lane_dim,
-            inputs=[body.mass, self._damping.array],
-            outputs=[blocks],
-            device=body.device,
-        )
+        launch_lanes(self._kernels.add_blocks, body.layout, body.mass, self._damping.array, blocks, device=body.device)

@@ -7,6 +7,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.kernels.products import Gathering
+from warpdeform.launching import RowStruct
 
 LAGGED_ITERATIONS = 3
 """Newton iterations in which lagged quantities (contact force, wind normal) follow the iterate before they freeze."""
@@ -59,12 +61,16 @@ class GridTerm(Protocol):
     """What the linear solver asks of a term that couples nodes, on whatever grid; told in :class:`Force`."""
 
     sample_nodes: int
+    gathering: Gathering | None
+    fluxes: RowStruct
 
     def bytes(self) -> int: ...
 
     def coarser(self, transfer: Coarsening) -> "CoarseTerm | None": ...
 
     def coarsen(self, transfer: Coarsening, coarse: "CoarseTerm") -> None: ...
+
+    def write_fluxes(self, body: GridArrays, direction: wp.array) -> None: ...
 
     def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None: ...
 
@@ -89,6 +95,10 @@ class Force:
     """True for terms whose Hessian couples nodes; False for node-wise terms, whose Hessian is one block per node."""
     sample_nodes: int = 0
     """Most nodes that one sample of the energy couples: no eigenvalue of D^-1 H is larger (elastic terms)."""
+    gathering: Gathering | None = None
+    """How the Hessian product is gathered from fluxes: of the one term of a body that makes it hold together."""
+    fluxes: RowStruct
+    """What is gathered from."""
     energy_kind: ClassVar[str] = "field"
     """Where reports book the energy: "elastic", "gravity", "field"; "" where none is stored (friction, wind)."""
 
@@ -128,6 +138,9 @@ class Force:
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the derivative of the energy by the position [N]; valid after `linearise` at the same position."""
+
+    def write_fluxes(self, body: GridArrays, direction: wp.array) -> None:
+        """Write the fluxes of the projected Hessian times `direction` (terms with a `gathering`)."""
 
     def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
         """Add the projected Hessian times `direction` [N] (elastic terms)."""

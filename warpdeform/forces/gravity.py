@@ -8,6 +8,7 @@ import warp as wp
 from warpdeform.forces.force import BodyArrays, Force
 from warpdeform.forces.parameters import Parameters
 from warpdeform.kernels.loads import gravity
+from warpdeform.launching import launch_lanes
 
 
 class Gravity(Force):
@@ -37,22 +38,19 @@ class Gravity(Force):
         self._g.write(self.acceleration)
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
-        wp.launch(
+        launch_lanes(
             self._kernels.add_energy,
-            dim=body.layout.lane_dim,
-            inputs=[body.mass, body.x, position, self._g.array],
-            outputs=[partials],
+            body.layout,
+            body.mass,
+            body.x,
+            position,
+            self._g.array,
+            partials,
             device=body.device,
         )
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
-        wp.launch(
-            self._kernels.add_gradient,
-            dim=body.layout.lane_dim,
-            inputs=[body.mass, self._g.array],
-            outputs=[gradient],
-            device=body.device,
-        )
+        launch_lanes(self._kernels.add_gradient, body.layout, body.mass, self._g.array, gradient, device=body.device)
 
     def stored_energy(self, body: BodyArrays, position: wp.array) -> float:
         """Potential energy -sum m g.z [J], in float64 on the host: for reports, between steps."""

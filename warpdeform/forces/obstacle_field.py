@@ -12,6 +12,7 @@ from warpdeform.forces.force import LAGGED_ITERATIONS, BodyArrays, Force
 from warpdeform.kernels.distance import KINDS, MEMORY, distances
 from warpdeform.kernels.fields import LAGGED, fields
 from warpdeform.kernels.guard import guards
+from warpdeform.launching import launch_nodes
 from warpdeform.obstacle import Obstacle
 from warpdeform.track import multiply, rotation_matrix, to_rotation_vector
 
@@ -142,7 +143,7 @@ class ObstacleField(Force):
             self._launch(body, self._kernels.finish_friction, inputs, [self._lagged])
 
     def _launch(self, body: BodyArrays, kernel: Any, inputs: list[Any], outputs: list[Any]) -> None:
-        wp.launch(kernel, dim=body.layout.node_dim, inputs=inputs, outputs=outputs, device=body.device)
+        launch_nodes(kernel, body.layout, *inputs, *outputs, device=body.device)
 
     def _describe(self) -> NDArray[np.void]:
         """What of the obstacles does not change."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpdeform.errors import InputError, Mistake
-from warpdeform.grid import ParameterGrid
+from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.material import PaperWeights, SurfaceCoefficients
 
 Array = NDArray[np.float64]
@@ -30,16 +30,16 @@ _UPPER = [(a, b) for a in range(5) for b in range(a, 5)]
 
 @dataclass(frozen=True)
 class SurfaceStiffness:
-    """Coefficients of the discrete energy of one surface.
+    """Coefficients of the discrete energy of one surface, which has as many cells along a periodic axis as nodes.
 
     Attributes:
         orthogonal: Cells have right angles and opposite edges of one length, so six entries describe K.
-        membrane: K of q per cell, shape (nu - 1, nv - 1, 6 or 15).
+        membrane: K of q per cell, shape (*cells, 6 or 15).
         bending: K of (b11, b22) per node: 11, 12, 22, shape (nu, nv, 3); None without bending.
-        twist: K of b12 per cell, shape (nu - 1, nv - 1); None without bending.
+        twist: K of b12 per cell, shape (*cells); None without bending.
         coupling: K of b12 with b11, then with b22, at the corners 00, 10, 01, 11 of each cell, shape
-            (nu - 1, nv - 1, 8); None without bending, on charts with right angles, and with the paper's weights.
-        cell_area: Rest areas [m2], shape (nu - 1, nv - 1).
+            (*cells, 8); None without bending, on charts with right angles, and with the paper's weights.
+        cell_area: Rest areas [m2], shape (*cells).
         node_area: Trapezoid shares of the rest area [m2], shape (nu, nv).
         cell_floor: Smallest |D x E|^2 that curvature divides by [m4]: a cell at a thousandth of its rest area.
         node_floor: Smallest |r_u x r_v|^2 that curvature divides by [m4].
@@ -74,7 +74,7 @@ def surface_stiffness(
     Raises:
         InputError: A cell has no area.
     """
-    chart = _Chart(rest)
+    chart = _Chart(grid.closed(rest))
     area = chart.area
     node_area = grid.cells_to_nodes(area)
     if isinstance(material, PaperWeights):
@@ -93,7 +93,7 @@ def surface_stiffness(
     K = np.einsum("ap,...ab,bq->...pq", _FROM_Q, membrane, _FROM_Q)
     orthogonal = like.orthogonal if like else _is_orthogonal(K)
     entries = _ORTHOGONAL if orthogonal else _UPPER
-    r1, r2 = _tangents(rest)
+    r1, r2 = _tangents(grid, rest)
     return SurfaceStiffness(
         orthogonal=orthogonal,
         membrane=np.stack([K[..., a, b] for a, b in entries], axis=-1),
@@ -186,11 +186,14 @@ def _bending(
         share = node_area
         D = material.bending
         d11, d12, d22 = (np.full(grid.nodes, D[a, b]) for a, b in ((0, 0), (0, 1), (1, 1)))
-        r1, r2 = _tangents(rest)
+        r1, r2 = _tangents(grid, rest)
         scale1, scale2 = np.sum(r1**2, axis=-1), np.sum(r2**2, axis=-1)
         twist = 4.0 * chart.area * D[2, 2] / (chart.g11 * chart.g22)
-    inside1, inside2 = np.zeros(grid.nodes, bool), np.zeros(grid.nodes, bool)
-    inside1[1:-1], inside2[:, 1:-1] = True, True
+    inside1, inside2 = np.ones(grid.nodes, bool), np.ones(grid.nodes, bool)
+    if not grid.periodic[0]:
+        inside1[[0, -1]] = False
+    if not grid.periodic[1]:
+        inside2[:, [0, -1]] = False
     with np.errstate(divide="ignore", invalid="ignore"):
         alone1 = np.where(d22 > 0, d11 - d12**2 / d22, d11)
         alone2 = np.where(d11 > 0, d22 - d12**2 / d11, d22)
@@ -214,10 +217,13 @@ def _coupled_bending(grid: ParameterGrid, chart: _Chart, D: Array) -> tuple[Arra
     coupling = np.zeros((*chart.area.shape, 2, 4))
     for corner, (di, dj) in enumerate(((0, 0), (1, 0), (0, 1), (1, 1))):
         C = law.copy()
-        C[-di] = _condensed(C[-di], 0)
-        C[:, -dj] = _condensed(C[:, -dj], 1)
+        if not grid.periodic[0]:
+            C[-di] = _condensed(C[-di], 0)
+        if not grid.periodic[1]:
+            C[:, -dj] = _condensed(C[:, -dj], 1)
         C /= length[..., :, None] * length[..., None, :]
-        bending[di : nu - 1 + di, dj : nv - 1 + dj] += C[..., [0, 0, 1], [0, 1, 1]]
+        owners = np.ix_((np.arange(C.shape[0]) + di) % nu, (np.arange(C.shape[1]) + dj) % nv)
+        bending[owners] += C[..., [0, 0, 1], [0, 1, 1]]
         twist += C[..., 2, 2]
         coupling[..., corner] = C[..., :2, 2]
     return bending, twist, coupling.reshape(*chart.area.shape, 8)
@@ -233,9 +239,35 @@ def _condensed(C: Array, entry: int) -> Array:
     return C
 
 
-def _tangents(rest: Array) -> tuple[Array, Array]:
+def _tangents(grid: ParameterGrid, rest: Array) -> tuple[Array, Array]:
     """Undivided tangents at the nodes: half central differences, whole one-sided differences at borders."""
-    return np.gradient(rest, axis=0), np.gradient(rest, axis=1)
+
+    def along(axis: int) -> Array:
+        if not grid.periodic[axis]:
+            return np.asarray(np.gradient(rest, axis=axis))
+        return 0.5 * (np.roll(rest, -1, axis=axis) - np.roll(rest, 1, axis=axis))
+
+    return along(0), along(1)
+
+
+def difference_weights(layout: Layout) -> tuple[Array, Array]:
+    """Weights of the forward and backward differences that make the tangents r_u and r_v at the nodes of a surface.
+
+    Half and half inside, all on the one difference that exists at a border. Along a periodic axis the places beside the
+    body have weights too: those of the nodes that they repeat.
+
+    Returns:
+        Weights along u, shape (2, rows, 1), and along v, shape (2, 1, columns).
+    """
+    alpha_u, alpha_v = np.zeros((2, layout.rows, 1)), np.zeros((2, 1, layout.columns))
+    u, v = alpha_u[:, :, 0], alpha_v[:, 0, layout.halo - 1 :]
+    for along, count, periodic in zip((u, v), layout.nodes, layout.periodic, strict=True):
+        if periodic:
+            along[:, : count + 2] = 0.5
+        else:
+            along[:, 1 : count + 1] = 0.5
+            along[:, 1], along[:, count] = (1.0, 0.0), (0.0, 1.0)
+    return alpha_u, alpha_v
 
 
 def _is_orthogonal(K: Array) -> bool:

@@ -7,12 +7,14 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpdeform.forces.force import BodyArrays, Coarsening, CoarseTerm, Force, GridArrays
-from warpdeform.forces.surface_coefficients import SurfaceStiffness, surface_stiffness
+from warpdeform.forces.surface_coefficients import SurfaceStiffness, difference_weights, surface_stiffness
 from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.halo import Halo
 from warpdeform.kernels import surface as kernels
 from warpdeform.kernels.surface_blocks import surface_blocks
 from warpdeform.kernels.surface_coupling import CHANGE_COMPONENTS, COUPLING_KERNELS, surface_coupling
 from warpdeform.kernels.surface_levels import surface_levels
+from warpdeform.launching import Buffer, RowStruct, Whole, launch_lanes
 from warpdeform.material import Material
 
 Array = NDArray[np.float64]
@@ -51,7 +53,7 @@ class SurfaceElasticity(Force):
         self.coupled = self.stiffness.coupling is not None
         # A cell's corners; a node and its neighbours; a cell and the neighbours of one of its corners.
         self.sample_nodes = 6 if self.coupled else 5 if self.bending else 4
-        self._dim, self._device = layout.lane_dim, device
+        self._layout, self._device = layout, device
         self._lane_width, self._real = layout.lane_width, real
         self._words = kernels.surface(layout.lane_width, real, self.stiffness.orthogonal, self.bending)
         self._coupling: Any = surface_coupling(layout.lane_width, real) if self.coupled else None
@@ -75,10 +77,21 @@ class SurfaceElasticity(Force):
         self.flexure = scratch(kernels.FLEXURE_COMPONENTS, self.bending)
         self.scatter = scratch(kernels.SCATTER_COMPONENTS, self.bending)
         self.change = scratch(CHANGE_COMPONENTS, self.coupled)
-        alpha_u, alpha_v = difference_weights(grid, layout)
+        self.gathering = self._words.gathering
+        gathered = {"flux": self.flux, "flexure": self.flexure, "scatter": self.scatter}
+        # Coupled moments reach one row farther than a band does.
+        buffers = frozenset() if self.coupled else frozenset({"flux", "scatter"})
+        self.fluxes = RowStruct(self._words.gathering.Fluxes, gathered, buffers)
+        alpha_u, alpha_v = difference_weights(layout)
         self.alpha_u: wp.array = wp.array(alpha_u, dtype=real, device=device)
         self.alpha_v: wp.array = wp.array(alpha_v, dtype=real, device=device)
         self._cell_floor, self._node_floor = real(self.stiffness.cell_floor), real(self.stiffness.node_floor)
+        # The same coefficients for kernels that read those of their neighbours.
+        self._halo = Halo(layout, real, device)
+        self._K = self._halo.surrounded(self.K)
+        self._K12 = self._halo.surrounded(self.K12) if self.bending else self.K12
+        self._KB = self._halo.surrounded(self.KB) if self.bending else self.KB
+        self._KC = self._halo.surrounded(self.KC) if self.coupled else self.KC
         self.measure(upload(rest), self.q0, self.b0)
 
     @property
@@ -94,11 +107,13 @@ class SurfaceElasticity(Force):
 
     def bytes(self) -> int:
         """Device memory that the term keeps [bytes]."""
-        arrays = (self.K, self.q0, self.tension, self.flux, self.K12, self.KB, self.b0, self.twist, self.flexure)
-        return sum(a.capacity for a in (*arrays, self.scatter, self.KC, self.change, self.alpha_u, self.alpha_v))
+        arrays = [self.q0, self.tension, self.flux, self.b0, self.twist, self.flexure, self.scatter, self.change]
+        arrays += [self.K, self.K12, self.KB, self.KC, self._K, self._K12, self._KB, self._KC]
+        arrays += [self.alpha_u, self.alpha_v]
+        return sum({a.ptr: a.capacity for a in arrays}.values()) + self._halo.bytes()
 
     def _launch(self, kernel: Any, *arguments: Any) -> None:
-        wp.launch(kernel, dim=self._dim, inputs=arguments, device=self._device)
+        launch_lanes(kernel, self._layout, *arguments, device=self._device)
 
     def coarser(self, transfer: Coarsening) -> "SurfaceElasticity":
         """The surface through the coarse nodes, with the kernels of this one."""
@@ -112,10 +127,11 @@ class SurfaceElasticity(Force):
         assert isinstance(coarse, SurfaceElasticity)
         kernel = surface_levels(self._lane_width, self._real).average_tension
         ratio = self._real(transfer.growth[0] / transfer.growth[1])
-        coarse._launch(kernel, self.tension, transfer.cells, ratio, coarse.tension)
+        coarse._launch(kernel, Whole(self.tension), transfer.cells, ratio, coarse.tension)
 
     def measure(self, position: wp.array, q_out: wp.array, b_out: wp.array) -> None:
         """Strain numbers q, shape (5, rows, columns), and curvature numbers b, shape (3, rows, columns), of a shape."""
+        self._halo.refresh(position)
         self._launch(self._words.measure_membrane, position, q_out)
         if self.bending:
             self._launch(self._words.measure_bending, position, self.alpha_u, self.alpha_v, self._node_floor, b_out)
@@ -123,6 +139,7 @@ class SurfaceElasticity(Force):
     def linearise(self, body: GridArrays, position: wp.array) -> None:
         """Stresses, moments and the coefficients of the Hessian at `position`."""
         k = self._words
+        self._halo.refresh(position)
         self._launch(
             k.stress_cells, position, self.K, self.q0, self.K12, self.b0, self._cell_floor,
             self.tension, self.twist, self.flux,
@@ -135,7 +152,16 @@ class SurfaceElasticity(Force):
         if self.coupled:
             self._measure_change(position)
             self._couple()
+        if self.bending:
+            self._halo.refresh(self.flexure)
+        self._refresh_stresses()
         self._position = position
+
+    def _refresh_stresses(self) -> None:
+        """What the forces are gathered from."""
+        self._halo.refresh(self.flux)
+        if self.bending:
+            self._halo.refresh(self.scatter)
 
     def _measure_change(self, position: wp.array) -> None:
         """Changes of b since rest."""
@@ -146,13 +172,15 @@ class SurfaceElasticity(Force):
 
     def _couple(self) -> None:
         """Moments of the changes of b: on top of the cells' flux, in place of the nodes' scatter."""
+        self._halo.refresh(self.change)
         self._launch(
-            self._coupling.couple, self.KB, self.KC, self.alpha_u, self.alpha_v, self.flexure, self.twist, self.change,
+            self._coupling.couple, self.KB, self._KC, self.alpha_u, self.alpha_v, self.flexure, self.twist, self.change,
             self.flux, self.scatter,
         )  # fmt: skip
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
         """Add the elastic energy [J]."""
+        self._halo.refresh(position)
         self._launch(self._words.energy_cells, position, self.K, self.q0, self.K12, self.b0, self._cell_floor, partials)
         if self.bending:
             self._launch(
@@ -161,52 +189,44 @@ class SurfaceElasticity(Force):
             )  # fmt: skip
         if self.coupled:
             self._measure_change(position)
+            self._halo.refresh(self.change)
             self._launch(self._coupling.energy_coupling, self.KC, self.change, partials)
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the exact derivative of the energy; uses the stresses of `linearise` (before any Hessian product)."""
-        self._launch(self._words.gather, self.flux, self.flexure, self.scatter, gradient)
+        self._launch(self._words.gather, self.fluxes, gradient)
+        self._halo.clear(gradient)
 
-    def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
-        """Add the projected Hessian times `direction`."""
+    def write_fluxes(self, body: GridArrays, direction: wp.array) -> None:
+        """Write flux and scatter of the projected Hessian times `direction`."""
         k = self._words
-        self._launch(k.product_cells, self._position, self.K, self.tension, self.K12, self.twist, direction, self.flux)
+        self._halo.refresh(direction)
+        flux, scatter = Buffer(self.flux), Buffer(self.scatter)
+        self._launch(k.product_cells, self._position, self.K, self.tension, self.K12, self.twist, direction, flux)
         if self.coupled:
             c = self._coupling
             self._launch(c.change_along, self.alpha_u, self.alpha_v, self.flexure, self.twist, direction, self.change)
             self._couple()
         elif self.bending:
-            self._launch(k.product_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, direction, self.scatter)
-        self._launch(k.gather, self.flux, self.flexure, self.scatter, product)
+            self._launch(k.product_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, direction, scatter)
+        self._refresh_stresses()
+
+    def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
+        """Add the projected Hessian times `direction`; what the halo gets of it is for the mask of pins to clear."""
+        self.write_fluxes(body, direction)
+        self._launch(self._words.gather, self.fluxes, product)
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian."""
         k = surface_blocks(self._lane_width, self._real, self.stiffness.orthogonal, self.bending)
-        self._launch(k.block_cells, self._position, self.K, self.tension, self.K12, self.twist, blocks)
+        self._halo.refresh(self._position, self.tension)
         if self.bending:
-            self._launch(k.block_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, blocks)
+            self._halo.refresh(self.twist)
+        self._launch(k.block_cells, self._position, self._K, self.tension, self._K12, self.twist, blocks)
+        if self.bending:
+            self._launch(k.block_nodes, self._KB, self.alpha_u, self.alpha_v, self.flexure, blocks)
         if self.coupled:
             self._launch(
-                self._coupling.block_coupling, self.KC, self.alpha_u, self.alpha_v, self.flexure, self.twist, blocks
+                self._coupling.block_coupling, self._KC, self.alpha_u, self.alpha_v, self.flexure, self.twist, blocks
             )
-
-
-def difference_weights(grid: ParameterGrid, layout: Layout) -> tuple[Array, Array]:
-    """Weights of the forward and backward differences in the tangents r_u and r_v at the nodes.
-
-    Half and half inside, all on the one difference that exists at a border.
-
-    Returns:
-        Weights along u, shape (2, rows, 1), and along v, shape (2, 1, columns).
-    """
-
-    def axis(count: int, periodic: bool) -> Array:
-        forward, backward = np.full(count, 0.5), np.full(count, 0.5)
-        if not periodic:
-            forward[0], backward[0], forward[-1], backward[-1] = 1.0, 0.0, 0.0, 1.0
-        return np.stack([forward, backward])
-
-    alpha_u, alpha_v = np.zeros((2, layout.rows, 1)), np.zeros((2, 1, layout.columns))
-    alpha_u[:, 1:-1, 0] = axis(grid.nodes[0], grid.periodic[0])
-    alpha_v[:, 0, layout.halo : layout.halo + grid.nodes[1]] = axis(grid.nodes[1], grid.periodic[1])
-    return alpha_u, alpha_v
+        self._halo.clear(blocks)

@@ -2,11 +2,13 @@
 
 import numpy as np
 import warp as wp
-from numpy.typing import NDArray
 
 from warpdeform.forces.force import LAGGED_ITERATIONS, BodyArrays, Force
 from warpdeform.forces.parameters import Parameters
+from warpdeform.forces.surface_coefficients import difference_weights
+from warpdeform.halo import Halo
 from warpdeform.kernels.loads import FACING_COMPONENTS, gusts, wind
+from warpdeform.launching import launch_lanes
 from warpdeform.wind import Wind
 
 
@@ -31,27 +33,23 @@ class WindLoad(Force):
     name = "wind"
     energy_kind = ""
 
-    def __init__(
-        self, body: BodyArrays, air: Wind, coefficient: float, periodic: tuple[bool, ...] = (False, False)
-    ) -> None:
+    def __init__(self, body: BodyArrays, air: Wind, coefficient: float) -> None:
         """Make the term.
 
         Args:
             body: The body's arrays.
             air: Velocity of the air.
             coefficient: c [kg/(m2 s)].
-            periodic: Axes whose index wraps, where normals need no one-sided differences.
         """
         layout, real, device = body.layout, body.real, body.device
         self.wind = air
         self.coefficient = coefficient
         self._air = Parameters([coefficient, 0.0], real, device)
         self._mean = Parameters(air.mean(0.0), real, device)
-        rows = difference_weights(layout.nodes[0], periodic[0])
-        columns = np.zeros((2, 1, layout.columns))
-        columns[:, 0, layout.halo : layout.halo + layout.nodes[1]] = difference_weights(layout.nodes[1], periodic[1])
-        self._slopes_u: wp.array = wp.array(np.pad(rows, ((0, 0), (1, 1)))[:, :, None], dtype=real, device=device)
-        self._slopes_v: wp.array = wp.array(columns, dtype=real, device=device)
+        slopes_u, slopes_v = difference_weights(layout)
+        self._slopes_u: wp.array = wp.array(slopes_u, dtype=real, device=device)
+        self._slopes_v: wp.array = wp.array(slopes_v, dtype=real, device=device)
+        self._halo = Halo(layout, real, device)
         self.facing: wp.array = wp.zeros((FACING_COMPONENTS, layout.rows, layout.columns), dtype=real, device=device)
         self._kernels = wind(body.lane_width, real)
         self._gusting = air.gusting
@@ -73,7 +71,7 @@ class WindLoad(Force):
         if self._gusting:
             arrays.append(self._wave_table)
             parameters.append(self._turns)
-        return sum(int(array.capacity) for array in arrays) + sum(each.bytes() for each in parameters)
+        return sum(int(a.capacity) for a in arrays) + sum(p.bytes() for p in parameters) + self._halo.bytes()
 
     def prepare(self, time: float, dt: float, tau: float) -> None:
         self._air.write([self.coefficient, 1.0 / tau])
@@ -85,49 +83,47 @@ class WindLoad(Force):
         face, stream = self._kernels.face_stream, [self._mean.array]
         if self._gusting:
             face, stream = self._gust_kernels.face_gusts, [self._mean.array, self._wave_table, self._turns.array]
-        wp.launch(
+        self._halo.refresh(position)
+        launch_lanes(
             face,
-            dim=body.layout.lane_dim,
-            inputs=[body.iteration, LAGGED_ITERATIONS, position, self._slopes_u, self._slopes_v, *stream],
-            outputs=[self.facing],
+            body.layout,
+            body.iteration,
+            LAGGED_ITERATIONS,
+            position,
+            self._slopes_u,
+            self._slopes_v,
+            *stream,
+            self.facing,
             device=body.device,
         )
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
-        wp.launch(
+        launch_lanes(
             self._kernels.add_energy,
-            dim=body.layout.lane_dim,
-            inputs=[body.area, self.facing, body.w, position, self._air.array],
-            outputs=[partials],
+            body.layout,
+            body.area,
+            self.facing,
+            body.w,
+            position,
+            self._air.array,
+            partials,
             device=body.device,
         )
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
-        wp.launch(
+        launch_lanes(
             self._kernels.add_gradient,
-            dim=body.layout.lane_dim,
-            inputs=[body.area, self.facing, body.w, position, self._air.array],
-            outputs=[gradient],
+            body.layout,
+            body.area,
+            self.facing,
+            body.w,
+            position,
+            self._air.array,
+            gradient,
             device=body.device,
         )
 
     def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
-        wp.launch(
-            self._kernels.add_blocks,
-            dim=body.layout.lane_dim,
-            inputs=[body.area, self.facing, self._air.array],
-            outputs=[blocks],
-            device=body.device,
+        launch_lanes(
+            self._kernels.add_blocks, body.layout, body.area, self.facing, self._air.array, blocks, device=body.device
         )
-
-
-def difference_weights(count: int, periodic: bool = False) -> NDArray[np.float64]:
-    """Weights of the differences to the next and from the last node that make a central difference, shape (2, count).
-
-    One-sided at the ends of an open axis: neighbours outside the grid have weight zero.
-    """
-    weights = np.full((2, count), 0.5)
-    if not periodic:
-        weights[:, 0] = 1.0, 0.0
-        weights[:, -1] = 0.0, 1.0
-    return weights

@@ -16,12 +16,15 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpdeform.forces.coupling import Coupling
 from warpdeform.forces.force import Force
 from warpdeform.forces.parameters import Parameters
+from warpdeform.forces.ties import RigidTies
 from warpdeform.integrators.integrator import Stage
 from warpdeform.kernels import newton as entries
 from warpdeform.kernels.krylov import krylov
 from warpdeform.kernels.newton import decisions, stage
+from warpdeform.launching import do_each, launch_alone, launch_lanes, repeat_while
 from warpdeform.linear import ConjugateGradient, LinearOperator, Sums, choose_preconditioner
 from warpdeform.result import OUTCOMES, StepRecord
 from warpdeform.settings import Settings
@@ -47,24 +50,35 @@ class NewtonSolver:
         terms: The terms of each body.
         settings: Solver settings.
         iteration: The Newton iteration counter that the states share, int32, shape (1,).
+        threads: Threads that a step is shared by.
+        couplings: What acts between bodies.
+        rigid: Nodes that follow others.
     """
 
     def __init__(
-        self, states: Sequence[State], terms: Sequence[Sequence[Force]], settings: Settings, iteration: wp.array
+        self,
+        states: Sequence[State],
+        terms: Sequence[Sequence[Force]],
+        settings: Settings,
+        iteration: wp.array,
+        threads: int = 1,
+        couplings: Sequence[Coupling] = (),
+        rigid: Sequence[RigidTies] = (),
     ) -> None:
         device = states[0].device
         self.states, self.terms, self._device, self._iteration = tuple(states), terms, device, iteration
         # What stores no energy comes first, so that its work can be told from the rest of the gradient.
         self._loads = [[term for term in own if not term.energy_kind] for own in terms]
         self._stored = [[term for term in own if term.energy_kind] for own in terms]
-        self.operator = LinearOperator(states, terms)
+        self.operator = LinearOperator(states, terms, couplings, rigid)
+        self._couplings = self.operator.couplings
         self.sums = Sums(states)
         self.preconditioner = choose_preconditioner(settings.preconditioner, self.operator)
         self.linear_solver = ConjugateGradient(
             self.operator, self.preconditioner, self.sums, settings.cg_tolerance, settings.cg_iterations
         )
         self._scalars: wp.array = wp.zeros(entries.STEP_SCALARS, dtype=wp.float64, device=device)
-        self._flushed: wp.array = wp.zeros(1, dtype=wp.int32, device=device)
+        self._flushed: wp.array = wp.zeros(threads, dtype=wp.int32, device=device)
         self._impact: wp.array = wp.zeros(1, dtype=wp.int32, device=device)
         self._state: wp.array = wp.zeros(entries.STEP_STATE, dtype=wp.int32, device=device)
         self._newton_active = self._state[entries.NEWTON_ACTIVE : entries.NEWTON_ACTIVE + 1]
@@ -99,17 +113,17 @@ class NewtonSolver:
             state.model.place_targets(time)
             for term in own:
                 term.prepare(time, dt, stage_.tau)
+        for coupling in self._couplings:
+            coupling.prepare(time, dt, stage_.tau)
 
     def record(self) -> None:
         """Launch one step; nothing in it asks the host."""
-        self._decide("enter_step", self._flushed)
-        self._decide("begin_step", self._scalars, self._state)
-        self._iteration.zero_()
-        self._impact.zero_()
+        do_each(lambda thread: self._flush("enter_step", thread))
+        self._decide("begin_step", self._scalars, self._state, self._iteration, self._impact)
         self._start()
-        wp.capture_while(self._newton_active, self._iterate)
+        repeat_while(self._newton_active, self._iterate)
         self._finish()
-        self._decide("leave_step", self._flushed)
+        do_each(lambda thread: self._flush("leave_step", thread))
 
     def rehearse(self) -> None:
         """Launch a step of one Newton and one conjugate gradient iteration: every kernel, whatever the settings."""
@@ -135,17 +149,22 @@ class NewtonSolver:
         )
 
     def _start(self) -> None:
-        for state, own in zip(self.states, self.terms, strict=True):
+        for state in self.states:
             for row, vector in ((W, state.w), (Y, state.y), (START, state.trial)):
                 self._stage(state, "combine", self._weights[state.real].array, row, *_history(state), vector)
-            wp.copy(state.z, state.x)
+            self._lanes(state, "copy", state.x, state.z)
             self._stage(state, "place_pins", state.free, state.model.target, state.z)
             self._stage(state, "place_pins", state.free, state.model.target, state.trial)
+        self.operator.spread("z")
+        self.operator.spread("trial")
+        for state, own in zip(self.states, self.terms, strict=True):
             for term in own:
                 term.begin(state)
                 term.carry(state, state.z)
             self._stage(state, "difference", state.trial, state.z, state.direction)
             self._guard(state, own)
+        self.operator.spread("direction")
+        for state, own in zip(self.states, self.terms, strict=True):
             self._stage(state, "displace", self._scalars, state.z, state.direction, state.trial)
             for term in own:
                 if not term.elastic:
@@ -159,19 +178,24 @@ class NewtonSolver:
         for state, own in zip(self.states, self.terms, strict=True):
             for term in own:
                 term.linearise(state, state.z)
-            state.gradient.zero_()
+            self._lanes(state, "clear", state.gradient)
             self._add_gradients(state, own)
+        self._couple()
+        for state in self.states:
             self._mask_gradient(state)
+        self.operator.gather("gradient")
         self.operator.update()
         self.linear_solver.solve()
         for state, own in zip(self.states, self.terms, strict=True):
             self._guard(state, own)
+        self.operator.spread("direction")
+        for state in self.states:
             self._lanes(state, "dot", state.gradient, state.direction, state.dots)
         self.sums.total_dots(entries.SLOPE, self._scalars)
         self._greatest("direction", "free", entries.UPDATE)
         self._potential("z", entries.PHI)
         self._decide("begin_search", self.linear_solver.state, self.linear_solver.cap, self._scalars, self._state)
-        wp.capture_while(self._search_active, self._search)
+        repeat_while(self._search_active, self._search)
         self._step_along("z")
         self._decide("end_iteration", self._control, self._limits.array, self._scalars, self._state, self._iteration)
 
@@ -184,14 +208,17 @@ class NewtonSolver:
         for state, loads, stored in zip(self.states, self._loads, self._stored, strict=True):
             for term in (*loads, *stored):
                 term.linearise(state, state.z)
-            state.gradient.zero_()
-            state.dots.zero_()
+            self._lanes(state, "clear", state.gradient)
+            self._stage(state, "clear_partials", state.dots)
             for term in loads:
                 term.add_gradient(state, state.z, state.gradient)
             self._stage(state, "work_of_loads", state.gradient, state.z, state.x, state.dots)
             self._add_gradients(state, stored)
+        self._couple()
+        for state in self.states:
             self._stage(state, "work_of_pins", state.free, state.gradient, state.z, state.x, state.dots)
         self.sums.total_dots(entries.WORK, self._scalars)
+        self.operator.gather("gradient")
         self._greatest("gradient", "mass", entries.RESIDUAL)
         for state, own in zip(self.states, self.terms, strict=True):
             history = (state.x, state.v, state.x_before, state.v_before)
@@ -209,6 +236,12 @@ class NewtonSolver:
         for term in terms:
             term.add_gradient(state, state.z, state.gradient)
 
+    def _couple(self) -> None:
+        """Add the gradients of what acts between bodies."""
+        for coupling in self._couplings:
+            coupling.linearise("z")
+            coupling.add_gradient("z", "gradient")
+
     def _mask_gradient(self, state: State) -> None:
         self._lanes(state, "mask", state.free, state.gradient)
 
@@ -224,11 +257,13 @@ class NewtonSolver:
         """Incremental potential of a vector into the scalars."""
         for state, own in zip(self.states, self.terms, strict=True):
             position = getattr(state, vector)
-            state.partials.zero_()
+            self._stage(state, "clear_partials", state.partials)
             inertia = self.operator.inertia(state)
             self._stage(state, "add_inertial_energy", state.mass, inertia, position, state.y, state.partials)
             for term in own:
                 term.add_energy(state, position, state.partials)
+        for coupling in self._couplings:
+            coupling.add_energy(vector)
         self.sums.total_partials(entry, self._scalars)
 
     def _greatest(self, vector: str, weight: str, entry: int) -> None:
@@ -238,14 +273,19 @@ class NewtonSolver:
 
     def _stage(self, state: State, name: str, *inputs: Any) -> None:
         kernel = getattr(stage(state.lane_width, state.real), name)
-        wp.launch(kernel, dim=state.layout.lane_dim, inputs=inputs, device=self._device)
+        launch_lanes(kernel, state.layout, *inputs, device=self._device)
 
     def _lanes(self, state: State, name: str, *inputs: Any) -> None:
         kernel = getattr(krylov(state.lane_width, state.real), name)
-        wp.launch(kernel, dim=state.layout.lane_dim, inputs=inputs, device=self._device)
+        launch_lanes(kernel, state.layout, *inputs, device=self._device)
 
     def _decide(self, name: str, *inputs: Any) -> None:
-        wp.launch(getattr(decisions(), name), dim=1, inputs=inputs, device=self._device)
+        launch_alone(getattr(decisions(), name), 1, *inputs, device=self._device)
+
+    def _flush(self, name: str, thread: int) -> None:
+        """The floating-point mode is each thread's own."""
+        flushed = self._flushed[thread : thread + 1]
+        wp.launch(getattr(decisions(), name), dim=1, inputs=[flushed], device=self._device)
 
 
 def _history(state: State) -> tuple[wp.array, ...]:

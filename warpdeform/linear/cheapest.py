@@ -7,6 +7,7 @@ import warp as wp
 
 from warpdeform.kernels import choice as entries
 from warpdeform.kernels.choice import choice
+from warpdeform.launching import choose, launch_alone
 from warpdeform.linear.multigrid import Multigrid
 from warpdeform.linear.operator import LinearOperator
 from warpdeform.linear.preconditioner import Preconditioner
@@ -40,28 +41,28 @@ class Cheapest(Preconditioner):
     def begin(self, solver: wp.array) -> None:
         """Choose."""
         inputs = [self._unit, self.multigrid.caution, self._costs, self._choice, solver]
-        wp.launch(choice().choose_method, dim=1, inputs=inputs, device=self._device)
+        launch_alone(choice().choose_method, 1, *inputs, device=self._device)
 
     def update(self) -> None:
         """Rebuild what the chosen one needs."""
         self.multigrid.update_blocks()
-        wp.capture_if(self._plain, None, self.multigrid.update_coarse)
+        choose(self._plain, None, self.multigrid.update_coarse)
 
     def apply(self) -> None:
         """conditioned = P residual."""
-        wp.capture_if(self._plain, self.multigrid.apply_blocks, self.multigrid.apply_cycle)
+        choose(self._plain, self.multigrid.apply_blocks, self.multigrid.apply_cycle)
 
     def retreat(self, solver: wp.array) -> None:
         """End a trial that takes too long, or be more careful with the cycle."""
         inputs = [self._choice, self.multigrid.caution, solver]
-        wp.launch(choice().change_method, dim=1, inputs=inputs, device=self._device)
-        wp.capture_if(self._plain, None, self.multigrid.update_coarse)
+        launch_alone(choice().change_method, 1, *inputs, device=self._device)
+        choose(self._plain, None, self.multigrid.update_coarse)
 
     def learn(self, solver: wp.array) -> None:
         """Keep what the solve has cost."""
         inputs = [self._unit, self.multigrid.caution, solver, self._choice, self._costs]
-        wp.launch(choice().learn_cost, dim=1, inputs=inputs, device=self._device)
-        wp.capture_if(self._plain, None, self.multigrid.learn, solver=solver)
+        launch_alone(choice().learn_cost, 1, *inputs, device=self._device)
+        choose(self._plain, None, lambda: self.multigrid.learn(solver))
 
     def reset(self) -> None:
         """Forget all costs (host)."""

@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 
 from warpdeform.kernels.multigrid import dense
+from warpdeform.launching import launch_alone
 from warpdeform.linear.operator import GridOperator
 
 
@@ -26,26 +27,28 @@ class DenseInverse:
         shape = (self._unknowns, self._unknowns)
         self._inverse: wp.array = wp.zeros(shape, dtype=wp.float64, device=self._device)
         self._swept: wp.array = wp.zeros(shape, dtype=wp.float64, device=self._device)
+        self._product: wp.array = wp.zeros(
+            (3, body.layout.rows, body.layout.columns), dtype=body.real, device=self._device
+        )
         self._vector: wp.array = wp.zeros(self._unknowns, dtype=wp.float64, device=self._device)
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
-        return int(sum(a.capacity for a in (self._inverse, self._swept, self._vector, self._places)))
+        return int(sum(a.capacity for a in (self._inverse, self._swept, self._product, self._vector, self._places)))
 
-    def update(self, unit: wp.array, product: wp.array) -> None:
+    def update(self, unit: wp.array) -> None:
         """Assemble A column by column and invert it.
 
         Args:
             unit: Scratch, shape (3, rows, columns), zero outside the body.
-            product: Scratch, shape (3, rows, columns).
         """
         source, target = self._swept, self._inverse
         if self._unknowns % 2 == 0:
             source, target = target, source
         for column in range(self._unknowns):
             self._launch("set_unit", self._places, column, unit)
-            self._operator.product(unit, product)
-            self._launch("store_column", self._places, column, self._free, product, source)
+            self._operator.product(unit, self._product)
+            self._launch("store_column", self._places, column, self._free, self._product, source)
         for pivot in range(self._unknowns):
             self._launch("sweep", pivot, source, target)
             source, target = target, source
@@ -56,4 +59,4 @@ class DenseInverse:
         self._launch("multiply", self._places, self._free, self._inverse, self._vector, solution)
 
     def _launch(self, name: str, *inputs: Any) -> None:
-        wp.launch(getattr(self._kernels, name), dim=self._unknowns, inputs=inputs, device=self._device)
+        launch_alone(getattr(self._kernels, name), self._unknowns, *inputs, device=self._device)

@@ -4,6 +4,7 @@ import warp as wp
 
 from warpdeform.kernels import krylov as entries
 from warpdeform.kernels.krylov import krylov, reductions
+from warpdeform.launching import do_alone, launch_alone, launch_lanes, repeat_while
 from warpdeform.linear.operator import LinearOperator
 from warpdeform.linear.preconditioner import Preconditioner
 from warpdeform.linear.sums import Sums
@@ -44,17 +45,16 @@ class ConjugateGradient:
 
     def solve(self) -> None:
         """Record one solve; starts from direction = 0 and uses `State.gradient`, which is masked."""
-        self.state.zero_()
+        do_alone(self.state.zero_)
         self.preconditioner.begin(self.state)
         self.preconditioner.update()
         for state in self.operator.states:
-            state.direction.zero_()
-            self._lanes(state, "negate", state.gradient, state.residual)
+            self._lanes(state, "start_solve", state.gradient, state.direction, state.residual)
         self._precondition()
         for state in self.operator.states:
-            wp.copy(state.search, state.conditioned)
+            self._lanes(state, "copy", state.conditioned, state.search)
         self._scalar("cg_start", self._scalars, self.state)
-        wp.capture_while(self._active, self._iterate)
+        repeat_while(self._active, self._iterate)
         self.preconditioner.learn(self.state)
 
     def _iterate(self) -> None:
@@ -71,20 +71,22 @@ class ConjugateGradient:
     def _precondition(self) -> None:
         """conditioned = P residual, by another P where r.P r is negative or P was on trial for long enough."""
         self.preconditioner.apply()
+        self.operator.spread("conditioned")
         self._sums.gather_dots()
         if self.preconditioner.retreats:
             self._scalar("judge_preconditioner", self._scalars, self.state)
-            wp.capture_while(self._retreat, self._precondition_again)
+            repeat_while(self._retreat, self._precondition_again)
 
     def _precondition_again(self) -> None:
         self.preconditioner.retreat(self.state)
         self.preconditioner.apply()
+        self.operator.spread("conditioned")
         self._sums.gather_dots()
         self._scalar("judge_preconditioner", self._scalars, self.state)
 
     def _lanes(self, state: State, name: str, *inputs: wp.array) -> None:
         kernel = getattr(krylov(state.lane_width, state.real), name)
-        wp.launch(kernel, dim=state.layout.lane_dim, inputs=inputs, device=self._device)
+        launch_lanes(kernel, state.layout, *inputs, device=self._device)
 
     def _scalar(self, name: str, *inputs: wp.array) -> None:
-        wp.launch(getattr(reductions(), name), dim=1, inputs=[self._sums.rows, *inputs], device=self._device)
+        launch_alone(getattr(reductions(), name), 1, self._sums.rows, *inputs, device=self._device)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.kernels.choice import LONG as LONG_ENTRY
 from warpdeform.kernels.multigrid import multigrid
+from warpdeform.launching import Whole, choose, launch_lanes
 from warpdeform.linear.coarsest import DenseInverse
 from warpdeform.linear.operator import GridOperator
 from warpdeform.linear.smoother import LONG, SHORT, Smoother, rates_of
@@ -38,12 +39,12 @@ class Vectors:
     Attributes:
         position: Where the terms are linearised [m].
         solution: What the cycle finds [m].
-        product: Scratch [N].
+        change: Scratch [m].
     """
 
     position: wp.array
     solution: wp.array
-    product: wp.array
+    change: wp.array
 
 
 class Level:
@@ -72,7 +73,7 @@ class Level:
         body = operator.body
         self._caution = caution
         self._body, self._operator, self._stiff = body, operator, stiff
-        self.position, self.solution, self._product = vectors.position, vectors.solution, vectors.product
+        self.position, self.solution = vectors.position, vectors.solution
         self._kernels = multigrid(body.lane_width, body.real)
 
         def zeros(components: int) -> wp.array:
@@ -82,6 +83,7 @@ class Level:
         # What a coarser grid feels of contact and pins is gone before the cycle begins.
         self._stiffening = zeros(6)
         self.residual, self._change = self._stiffening[:3], self._stiffening[3:]
+        self._changes = (self._change, vectors.change)
         self.inverse = zeros(6)
         self._elastic = zeros(6) if operator.blocks is not None else self.inverse
         self._coarsest: DenseInverse | None = None
@@ -124,7 +126,7 @@ class Level:
         if self.coarse is None:
             return own + (self._coarsest.bytes() if self._coarsest else 0)
         coarse, operator = self.coarse, self.coarse._operator
-        arrays = (coarse.position, coarse.solution, coarse._product, operator.body.mass, operator.body.free)
+        arrays = (*coarse._changes[1:], coarse.position, coarse.solution, operator.body.mass, operator.body.free)
         own += sum(array.capacity for array in arrays) + self._transfer.bytes()
         own += operator.blocks.capacity if operator.blocks is not None else 0
         return own + sum(term.bytes() for term in operator.terms) + coarse.bytes()
@@ -147,17 +149,19 @@ class Level:
     def update_coarse(self) -> None:
         """Rebuild the coarser grids, or the inverse where there are none; follows `update_blocks`."""
         if self._coarsest is not None:
-            self._coarsest.update(self._change, self._product)
+            self._coarsest.update(self._change)
             return
         coarse = self.coarse
         assert coarse is not None
-        coarse._launch("carry", self.position, self._transfer.positions, coarse.position)
+        coarse._launch("carry", Whole(self.position), self._transfer.positions, coarse.position)
         for fine_term, coarse_term in self._pairs:
             coarse_term.linearise(coarse._body, coarse.position)
             fine_term.coarsen(self._transfer, coarse_term)
         if coarse._operator.blocks is not None:
             coarse._operator.start_blocks(coarse._operator.blocks)
-            coarse._launch("add_carried_blocks", self._stiffening, self._transfer.restrict, coarse._operator.blocks)
+            coarse._launch(
+                "add_carried_blocks", Whole(self._stiffening), self._transfer.restrict, coarse._operator.blocks
+            )
         if coarse.coarse is not None:
             coarse.update_blocks()
         coarse.update_coarse()
@@ -177,38 +181,35 @@ class Level:
             self._coarsest.apply(residual, self.solution)
             return
         assert self.coarse is not None
-        free, inverse, q = self._body.free, self.inverse, self._product
+        free, inverse = self._body.free, self.inverse
         vectors = (self.residual, self._change, self.solution)
         self._launch("start_smoother", free, inverse, residual, self._rates, self._caution, *vectors)
         self._smooth(1)
-        self._operator.product(self._change, q)
         coarse, tables = self.coarse, self._transfer
-        if self._elastic is not inverse:
-            self._launch("retire_filtered", free, self._elastic, inverse, q, self.residual, self._change)
-            coarse._launch("carry", self._change, tables.restrict, coarse.residual)
-        else:
-            self._launch("retire", free, q, self.residual)
-            coarse._launch("carry", self.residual, tables.restrict, coarse.residual)
+        blocks = (free, self._elastic, inverse)
+        last = self._changes[1]  # the short smoother and the long one end in the same place
+        self._operator.launch_product("retire", last, *blocks, last, self.residual, self._change)
+        filtered = self._elastic is not inverse
+        coarse._launch("carry", Whole(self._change if filtered else self.residual), tables.restrict, coarse.residual)
         coarse.cycle(coarse.residual)
         correction = (self._change, self.solution)
-        if self._elastic is not inverse:
-            filters = (free, self._elastic, inverse)
-            self._launch("correct_filtered", coarse.solution, tables.prolong, *filters, *correction)
+        if filtered:
+            self._launch("correct_filtered", Whole(coarse.solution), tables.prolong, *blocks, *correction)
         else:
-            self._launch("correct", coarse.solution, tables.prolong, free, *correction)
+            self._launch("correct", Whole(coarse.solution), tables.prolong, free, *correction)
         self._smooth(0)
 
     def _smooth(self, first: int) -> None:
-        """Steps of the smoother, each from the change that the one before has made."""
-        self._smooth_steps(first, SHORT.degree)
-        wp.capture_if(self._long, self._smooth_steps, first=SHORT.degree, last=LONG.degree)
+        """Steps of the smoother from `first` on, each from the change that the one before has made."""
+        self._smooth_steps(first, range(first, SHORT.degree))
+        choose(self._long, lambda: self._smooth_steps(first, range(SHORT.degree, LONG.degree)), None)
 
-    def _smooth_steps(self, first: int, last: int) -> None:
-        for step in range(first, last):
-            self._operator.product(self._change, self._product)
-            inputs = (self._body.free, self.inverse, self._product, self._rates, self._caution, step)
-            self._launch("smooth", *inputs, self.residual, self._change, self.solution)
+    def _smooth_steps(self, first: int, steps: range) -> None:
+        for step in steps:
+            given, found = self._changes[(step - first) % 2], self._changes[(step - first + 1) % 2]
+            inputs = (self._body.free, self.inverse, self._rates, self._caution, step)
+            self._operator.launch_product("smooth", given, *inputs, given, self.residual, found, self.solution)
 
     def _launch(self, name: str, *inputs: Any) -> None:
         kernel = getattr(self._kernels, name)
-        wp.launch(kernel, dim=self._body.layout.lane_dim, inputs=inputs, device=self._body.device)
+        launch_lanes(kernel, self._body.layout, *inputs, device=self._body.device)

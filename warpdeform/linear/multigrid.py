@@ -6,6 +6,7 @@ import warp as wp
 
 from warpdeform.kernels import choice as entries
 from warpdeform.kernels.choice import choice
+from warpdeform.launching import choose, launch_alone
 from warpdeform.linear.level import Level, Vectors
 from warpdeform.linear.operator import LinearOperator
 from warpdeform.linear.preconditioner import Preconditioner
@@ -51,15 +52,15 @@ class Multigrid(Preconditioner):
 
     def apply(self) -> None:
         """conditioned = V(residual); block-Jacobi once the cycle was given up."""
-        wp.capture_if(self._given_up, self.apply_blocks, self.apply_cycle)
+        choose(self._given_up, self.apply_blocks, self.apply_cycle)
 
     def retreat(self, solver: wp.array) -> None:
         """The cycle was not positive definite: count with larger eigenvalues, and at last give it up for this run."""
-        wp.launch(choice().grow_cautious, dim=1, inputs=[self.caution], device=self._device)
+        launch_alone(choice().grow_cautious, 1, self.caution, device=self._device)
 
     def learn(self, solver: wp.array) -> None:
         """Smooth for longer after many iterations: on folded sheets it is the same work in fewer of them."""
-        wp.launch(choice().choose_smoother, dim=1, inputs=[solver, self.caution], device=self._device)
+        launch_alone(choice().choose_smoother, 1, solver, self.caution, device=self._device)
 
     def reset(self) -> None:
         """Trust the typical eigenvalues again (host)."""

@@ -5,9 +5,13 @@ from typing import Any
 
 import warp as wp
 
+from warpdeform.forces.coupling import Coupling
 from warpdeform.forces.force import Force, GridArrays, GridTerm
 from warpdeform.forces.parameters import Parameters
+from warpdeform.forces.ties import RigidTies
 from warpdeform.kernels.krylov import krylov
+from warpdeform.kernels.products import products
+from warpdeform.launching import launch_in_bands, launch_lanes
 from warpdeform.state import State
 
 Terms = Sequence[Sequence[Force]]
@@ -21,20 +25,40 @@ class GridOperator:
         body: Arrays of the body on this grid.
         inertia: 1 / tau^2 [1/s2] on the device, shape (1,).
         blocks: M/tau^2 and the blocks of node-wise terms [N/m], shape (6, rows, columns); None where mass is all.
-        terms: The terms that couple nodes.
+        terms: The terms that couple nodes. The first one gathers fluxes and is what smoothers know of A; what others
+            add is found by conjugate gradient alone, but for their diagonal blocks.
     """
 
     def __init__(self, body: GridArrays, inertia: wp.array, blocks: wp.array | None, terms: Sequence[GridTerm]) -> None:
         self.body, self.inertia, self.blocks, self.terms = body, inertia, blocks, tuple(terms)
+        gathering = self.terms[0].gathering
+        assert gathering is not None
+        self._kernels = products(body.lane_width, body.real, gathering, blocks is not None)
 
     def product(self, p: wp.array, q: wp.array) -> None:
         """q = A p."""
-        if self.blocks is None:
-            self.launch("start_product", self.body.mass, self.inertia, p, q)
-        else:
-            self.launch("start_product_blocks", self.blocks, p, q)
-        for term in self.terms:
+        self.launch_product("product", p, p, q)
+        for term in self.terms[1:]:
             term.add_hessian_product(self.body, p, q)
+
+    def launch_product(self, name: str, p: wp.array, *inputs: Any) -> None:
+        """Write the fluxes of the product with p and launch what ends it (:mod:`warpdeform.kernels.products`).
+
+        Args:
+            name: The kernel.
+            p: The vector, shape (3, rows, columns); the kernel must not write it.
+            inputs: Arguments of the kernel after those that the operator knows.
+        """
+        first, body = self.terms[0], self.body
+        own = (first.fluxes, body.mass if self.blocks is None else self.blocks, self.inertia)
+        kernel = getattr(self._kernels, name)
+        launch_in_bands(
+            body.layout,
+            [first.fluxes.arrays[buffer] for buffer in first.fluxes.buffers],
+            lambda: first.write_fluxes(body, p),
+            lambda: launch_lanes(kernel, body.layout, *own, *inputs, device=body.device),
+            body.device,
+        )
 
     def start_blocks(self, blocks: wp.array) -> None:
         """blocks = M/tau^2."""
@@ -50,13 +74,13 @@ class GridOperator:
         if self.blocks is None:
             self.start_blocks(blocks)
         else:
-            wp.copy(blocks, self.blocks)
+            self.launch("copy_blocks", self.blocks, blocks)
         self.add_elastic_diagonal(blocks)
 
     def launch(self, name: str, *inputs: Any) -> None:
         """Launch a kernel of :mod:`warpdeform.kernels.krylov` over this grid."""
         kernel = getattr(krylov(self.body.lane_width, self.body.real), name)
-        wp.launch(kernel, dim=self.body.layout.lane_dim, inputs=inputs, device=self.body.device)
+        launch_lanes(kernel, self.body.layout, *inputs, device=self.body.device)
 
 
 class LinearOperator:
@@ -67,17 +91,27 @@ class LinearOperator:
     Args:
         states: The bodies.
         terms: The terms of each body.
+        couplings: What acts between bodies.
+        rigid: Nodes that follow others.
 
     Attributes:
         grids: A of each body.
     """
 
-    def __init__(self, states: Sequence[State], terms: Terms) -> None:
-        self.states, self.terms = tuple(states), terms
+    def __init__(
+        self,
+        states: Sequence[State],
+        terms: Terms,
+        couplings: Sequence[Coupling] = (),
+        rigid: Sequence[RigidTies] = (),
+    ) -> None:
+        self.states, self.terms, self.couplings, self.rigid = tuple(states), terms, tuple(couplings), tuple(rigid)
+        coupled = [state for coupling in couplings for state in coupling.states]
         self._inertia = {state.real: Parameters([1.0], state.real, state.device) for state in states}
         self.grids: list[GridOperator] = []
         for state, own in zip(states, terms, strict=True):
-            blocks = state.model.zeros(6) if any(_has_blocks(term) for term in own) else None
+            needed = state in coupled or any(_has_blocks(term) for term in own)
+            blocks = state.model.zeros(6) if needed else None
             elastic = [term for term in own if term.elastic]
             self.grids.append(GridOperator(state, self.inertia(state), blocks, elastic))
 
@@ -92,7 +126,8 @@ class LinearOperator:
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
-        return sum(grid.blocks.capacity for grid in self.grids if grid.blocks is not None)
+        blocks = sum(grid.blocks.capacity for grid in self.grids if grid.blocks is not None)
+        return int(blocks + sum(ties.bytes() for ties in self.rigid) + sum(each.bytes() for each in self.couplings))
 
     def update(self) -> None:
         """Collect the node blocks after the terms were linearised."""
@@ -101,12 +136,28 @@ class LinearOperator:
                 grid.start_blocks(grid.blocks)
                 for term in own:
                     term.add_node_blocks(state, grid.blocks)
+                for coupling in self.couplings:
+                    coupling.add_node_blocks(state, grid.blocks)
 
     def product(self) -> None:
         """product = free A search, and the partial sums of search.product into `State.dots`."""
         for state, grid in zip(self.states, self.grids, strict=True):
             grid.product(state.search, state.product)
+        for coupling in self.couplings:
+            coupling.add_hessian_product("search", "product")
+        for state, grid in zip(self.states, self.grids, strict=True):
             grid.launch("mask_dot", state.free, state.search, state.product, state.dots)
+        self.gather("product")
+
+    def gather(self, vector: str) -> None:
+        """Hand what a vector of the states has at nodes that follow to those that they follow."""
+        for ties in self.rigid:
+            ties.gather(vector)
+
+    def spread(self, vector: str) -> None:
+        """Give nodes that follow their value of a vector of the states."""
+        for ties in self.rigid:
+            ties.spread(vector)
 
 
 def _has_blocks(term: Force) -> bool:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import warp as wp
 
 from warpdeform.kernels.krylov import reductions
+from warpdeform.launching import PerRow, launch_alone, launch_rows
 from warpdeform.state import State
 
 
@@ -42,13 +43,13 @@ class Sums:
     def greatest_dots(self, entry: int, scalars: wp.array) -> None:
         """Largest entry of `State.dots` into `scalars[entry]`."""
         self._rows(reductions().max_rows, "dots", by_lanes=True)
-        wp.launch(reductions().greatest, dim=1, inputs=[self.rows, entry, scalars], device=self._device)
+        launch_alone(reductions().greatest, 1, self.rows, entry, scalars, device=self._device)
 
     def _rows(self, kernel: wp.Kernel, partials: str, by_lanes: bool) -> None:
         for state, offset in zip(self.states, self._offsets, strict=True):
             stride = state.lane_width if by_lanes else 1
-            inputs = [getattr(state, partials), stride, offset, self.rows]
-            wp.launch(kernel, dim=state.layout.lane_dim[0], inputs=inputs, device=self._device)
+            rows = PerRow(self.rows[:, offset : offset + state.layout.lane_dim[0]])
+            launch_rows(kernel, state.layout, getattr(state, partials), stride, rows, device=self._device)
 
     def _total(self, entry: int, scalars: wp.array) -> None:
-        wp.launch(reductions().total, dim=1, inputs=[self.rows, entry, scalars], device=self._device)
+        launch_alone(reductions().total, 1, self.rows, entry, scalars, device=self._device)

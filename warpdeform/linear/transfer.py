@@ -1,5 +1,7 @@
 """From a grid to the next coarser one and back: linear interpolation between equally spaced nodes (design 7.1)."""
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,6 +12,42 @@ from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.kernels.transfer import transfer_tables
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LinearMap:
+    """Tables of a map between two grids (:mod:`warpdeform.kernels.transfer`); kernels get them as the struct.
+
+    Attributes:
+        rows: Source rows of each target row, int32, shape (taps, target rows).
+        row_weights: Their weights.
+        columns: Source columns of each target column, int32, shape (taps, target columns).
+        column_weights: Their weights, shape (taps, 1, target columns).
+    """
+
+    rows: wp.array
+    row_weights: wp.array
+    columns: wp.array
+    column_weights: wp.array
+
+    def of_rows(self, low: int, high: int) -> Any:
+        """The struct for a kernel that writes the target rows `low` to `high` - 1; the halo does not count."""
+        return self._whole if low == 0 else self._from(low)
+
+    @cached_property
+    def _whole(self) -> Any:
+        return self._from(0)
+
+    def _from(self, low: int) -> Any:
+        tables = transfer_tables(self.row_weights.dtype)()
+        tables.rows, tables.row_weights = self.rows[:, low:], self.row_weights[:, low:]
+        tables.columns, tables.column_weights = self.columns, self.column_weights
+        return tables
+
+    def bytes(self) -> int:
+        """Device memory [bytes]."""
+        arrays = (self.rows, self.row_weights, self.columns, self.column_weights)
+        return int(sum(array.capacity for array in arrays))
 
 
 class Transfer:
@@ -55,10 +93,9 @@ class Transfer:
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
-        maps = (self.prolong, self.restrict, self.positions, self.cells)
-        return sum(a.capacity for m in maps for a in (m.rows, m.row_weights, m.columns, m.column_weights))
+        return sum(each.bytes() for each in (self.prolong, self.restrict, self.positions, self.cells))
 
-    def _tables(self, weights: list[Array], source: Layout, target: Layout) -> Any:
+    def _tables(self, weights: list[Array], source: Layout, target: Layout) -> "LinearMap":
         *across, along = [_taps(axis) for axis in weights]
         rows, row_weights = _row_taps(across, source, target)
         columns = np.zeros((len(along[0]), target.columns), dtype=np.int32)
@@ -66,12 +103,12 @@ class Transfer:
         inside = slice(target.halo, target.halo + along[0].shape[1])
         columns[:, inside] = np.where(along[1] != 0.0, along[0] + source.halo, 0)
         column_weights[:, 0, inside] = along[1]
-        tables = transfer_tables(self._real)()
-        tables.rows = wp.array(rows, dtype=wp.int32, device=self._device)
-        tables.row_weights = wp.array(row_weights, dtype=self._real, device=self._device)
-        tables.columns = wp.array(columns, dtype=wp.int32, device=self._device)
-        tables.column_weights = wp.array(column_weights, dtype=self._real, device=self._device)
-        return tables
+        return LinearMap(
+            wp.array(rows, dtype=wp.int32, device=self._device),
+            wp.array(row_weights, dtype=self._real, device=self._device),
+            wp.array(columns, dtype=wp.int32, device=self._device),
+            wp.array(column_weights, dtype=self._real, device=self._device),
+        )
 
 
 def _interpolation(targets: int, sources: int, periodic: bool) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
@@ -9,16 +10,31 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from warpdeform.body import Body, Pin, Spring, rotate, select_nodes
+from warpdeform.body import DENSITIES, Body, Pin, Spring, rotate
 from warpdeform.material import Material
 from warpdeform.scene.collect import Collector, look
-from warpdeform.scene.keys import Path
-from warpdeform.scene.schema import BodyTable, PinTable, SpringTable
+from warpdeform.scene.keys import Path, closest
+from warpdeform.scene.schema import BodyTable, PinTable, SpringTable, StrandsTable
 from warpdeform.scene.tracks import held_track, quaternion
-from warpdeform.shape import SHAPES, RestShape, checked_nodes, sheet
+from warpdeform.selectors import select_nodes
+from warpdeform.shape import (
+    KINDS,
+    SHAPES,
+    SHAPES_BY_KIND,
+    RestShape,
+    block,
+    checked_nodes,
+    kind_of_shape,
+    line,
+    read_positions,
+    root_grid,
+    root_line,
+    sheet,
+    strands,
+)  # fmt: skip
 
 MOST_NODES = 4096 * 4096
-_LATER_KINDS = ("curve", "solid")
+_STAND_INS: dict[str, RestShape] = {"curve": line((2,)), "surface": sheet((2, 2)), "solid": block((2, 2, 2))}
 
 Held = TypeVar("Held", PinTable, SpringTable)
 
@@ -26,13 +42,9 @@ Held = TypeVar("Held", PinTable, SpringTable)
 def make_body(table: BodyTable, index: int, collector: Collector) -> Body | None:
     """Make a body; None, and mistakes in the collector, if something of it was refused."""
     at: Path = ("body", index)
-    if table.kind in _LATER_KINDS:
-        problem = "cannot be simulated yet: this version knows surfaces only"
-        collector.refuse((*at, "kind"), table.kind, problem, 'Use "surface".')
-    elif table.kind != "surface":
-        collector.refuse((*at, "kind"), table.kind, "is no kind of body", 'Use "surface".')
+    kind = _kind(table, at, collector)
     material = _material(table, at, collector)
-    shape = _shape(table, at, collector)
+    shape = _shape(table, kind, at, collector)
     arguments: dict[str, Any] = {
         "name": table.name or f"body{index}",
         "position": tuple(table.position),
@@ -40,16 +52,38 @@ def make_body(table: BodyTable, index: int, collector: Collector) -> Body | None
         "velocity": tuple(table.velocity),
         "drag": table.drag,
         "wind_coefficient": table.wind_coefficient,
+        "pressure": table.pressure,
         **look(table, at, collector),
     }
     if shape is not None:
         start = rotate(arguments["rotation"], shape.positions) + np.asarray(table.position)
-        arguments["pins"] = _held(table.pins, (*at, "pins"), start, _pin, collector)
-        arguments["springs"] = _held(table.springs, (*at, "springs"), start, _spring, collector)
+        arguments["pins"] = _held(table.pins, (*at, "pins"), shape.kind, start, _pin, collector)
+        arguments["springs"] = _held(table.springs, (*at, "springs"), shape.kind, start, _spring, collector)
+    if kind not in DENSITIES or (material is None and kind != "surface"):
+        return None
     with collector.at(at):
-        body = Body(shape=shape or sheet((2, 2)), material=material or Material.preset("cotton"), **arguments)
+        body = Body(shape=shape or _STAND_INS[kind], material=material or Material.preset("cotton"), **arguments)
         return body if shape and material else None
     return None
+
+
+def _kind(table: BodyTable, at: Path, collector: Collector) -> str:
+    """The kind of a body: what the table says, or else what its shape is."""
+    of_shape = kind_of_shape(table.shape.kind)
+    kind = table.kind or of_shape or KINDS[len(table.nodes) - 1]
+    if kind not in KINDS:
+        better = closest(kind, KINDS) or f"Use one of {', '.join(KINDS)}."
+        collector.refuse((*at, "kind"), kind, "is no kind of body", better)
+        return of_shape or "surface"
+    if of_shape and of_shape != kind:
+        problem = f'does not go with the shape "{table.shape.kind}", which is a {of_shape}'
+        remedy = f"Use {of_shape}, or one of the shapes {', '.join(SHAPES_BY_KIND[kind])}."
+        collector.refuse((*at, "kind"), kind, problem, remedy)
+        return of_shape
+    if kind not in DENSITIES:
+        problem, known = "cannot be simulated yet", ", ".join(DENSITIES)
+        collector.refuse((*at, "kind"), kind, problem, f"Use one of: {known}.")
+    return kind
 
 
 def _material(table: BodyTable, at: Path, collector: Collector) -> Material | None:
@@ -61,38 +95,77 @@ def _material(table: BodyTable, at: Path, collector: Collector) -> Material | No
     return None
 
 
-def _shape(table: BodyTable, at: Path, collector: Collector) -> RestShape | None:
+def _shape(table: BodyTable, kind: str, at: Path, collector: Collector) -> RestShape | None:
     """The rest shape; None also where examples stand in for what was refused."""
-    nodes = (2, 2)
-    with collector.at(at):
-        nodes = checked_nodes(table.nodes)
-    if nodes[0] * nodes[1] > MOST_NODES:
-        collector.refuse((*at, "nodes"), table.nodes, f"is more than {MOST_NODES} nodes", "Use for example [64, 64].")
-        nodes = (2, 2)
+    nodes: Sequence[int] = _STAND_INS[kind].nodes[: KINDS.index(kind) + 1]
+    if collector.sound((*at, "nodes")):
+        with collector.at(at):
+            # A file may hold many strands.
+            nodes = table.nodes if table.shape.kind == "file" else checked_nodes(table.nodes, kind)
     given = {key: _tuple(value) for key, value in table.shape.model_dump().items() if key != "kind"}
     if "path" in given:
-        given["path"] = collector.file.parent / given["path"]
-    with collector.at((*at, "shape"), {"positions": (*at, "shape")}):
+        given["path"], given["kind"] = collector.file.parent / given["path"], kind
+    copies: dict[str, Any] = {}
+    if table.strands is not None:
+        if kind == "curve":
+            copies = _strands(table.strands, (*at, "strands"), collector)
+        else:
+            collector.refuse((*at, "strands"), None, f"do not go with a {kind}", "Leave them out, or use a curve.")
+    if math.prod(nodes) * len(copies.get("roots", [0])) > MOST_NODES:
+        collector.refuse((*at, "nodes"), table.nodes, f"is more than {MOST_NODES} nodes", "Use for example [64, 64].")
+        return None
+    with collector.at((*at, "shape"), {"positions": (*at, "shape"), "nodes": (*at, "nodes")}):
         shape = SHAPES[table.shape.kind](nodes=nodes, **given)
-        return shape if collector.sound((*at, "nodes"), (*at, "shape")) else None
+        if copies:
+            with collector.at((*at, "strands"), {"curve": (*at, "shape"), "positions": (*at, "shape")}):
+                shape = strands(shape, **copies)
+        return shape if collector.sound((*at, "nodes"), (*at, "shape"), (*at, "strands")) else None
     return None
+
+
+def _strands(table: StrandsTable, at: Path, collector: Collector) -> dict[str, Any]:
+    """Roots and normals of the copies of a curve, as arguments; none where they were refused."""
+    if (table.count is None) == (table.roots is None):
+        problem, remedy = "needs either count and size, or roots", "Use for example { count = [20], size = [0.2] }."
+        collector.refuse(at, None, problem, remedy)
+        return {}
+    if table.roots is not None:
+        roots: Any = table.roots
+        if isinstance(roots, str):
+            with collector.at(at, {"path": (*at, "roots")}):
+                roots = read_positions(collector.file.parent / roots)
+        if isinstance(roots, str):
+            return {}
+        return {"roots": roots, "normals": table.normals}
+    count, size = table.count or [], table.size or []
+    if len(count) not in (1, 2) or min(count) < 1:
+        collector.refuse(
+            (*at, "count"), count, "must be one or two whole numbers of at least 1", "Use [20] or [20, 10]."
+        )
+        return {}
+    if len(size) != len(count) or min(size) <= 0.0:
+        problem = f"must be {len(count)} positive numbers [m], as many as count"
+        collector.refuse((*at, "size"), table.size, problem, f"Use for example {[0.2, 0.1][: len(count)]}.")
+        return {}
+    roots = root_line(count[0], size[0]) if len(count) == 1 else root_grid(count, size)
+    return {"roots": roots, "normals": table.normals}
 
 
 def _held(
     tables: Sequence[Held],
     at: Path,
+    kind: str,
     start: NDArray[np.float64],
     make: Callable[[Held, NDArray[np.float64], Path, Collector], Any],
     collector: Collector,
 ) -> tuple[Any, ...]:
-    """Pins or springs of a body whose nodes start at `start` [m], shape (nu, nv, 3)."""
+    """Pins or springs of a body whose nodes start at `start` [m], shape (*nodes, 3)."""
     made = []
     for index, table in enumerate(tables):
         here = (*at, index)
         points = None
         with collector.at(here):
-            nodes = select_nodes(table.nodes, (start.shape[0], start.shape[1]))
-            points = start[nodes[:, 0], nodes[:, 1]]
+            points = start[tuple(select_nodes(table.nodes, start.shape[:-1], kind).T)]
         with collector.at(here):
             held = make(table, start.reshape(-1, 3) if points is None else points, here, collector)
             if points is not None:
@@ -105,7 +178,7 @@ def _pin(table: PinTable, held: NDArray[np.float64], at: Path, collector: Collec
     track = None
     with collector.at((*at, "path")):
         track = held_track(table.path, held) if table.path else None
-    return Pin(table.nodes, track)
+    return Pin(table.nodes, track, table.until)
 
 
 def _spring(table: SpringTable, held: NDArray[np.float64], at: Path, collector: Collector) -> Spring:
@@ -114,7 +187,7 @@ def _spring(table: SpringTable, held: NDArray[np.float64], at: Path, collector: 
     track = None
     with collector.at((*at, "path")):
         track = held_track(table.path, np.array([point]) if point else held) if table.path else None
-    return Spring(table.nodes, table.stiffness, point, track)
+    return Spring(table.nodes, table.stiffness, point, track, table.until)
 
 
 def _tuple(value: Any) -> Any:

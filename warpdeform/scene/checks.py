@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpdeform.body import select_nodes
-from warpdeform.scene.measure import asymmetry, depth, samples
+from warpdeform.scene.measure import asymmetry, depth, folds, samples
+from warpdeform.selectors import select_nodes
 
 if TYPE_CHECKING:
     from warpdeform.simulation import Simulation
@@ -49,7 +49,7 @@ class History:
 
     Attributes:
         times: Time of each frame [s].
-        positions: Node positions at each frame [m], by body, each of shape (nu, nv, 3).
+        positions: Node positions at each frame [m], by body, each of shape (*nodes, 3).
         energies: Kinetic, elastic, gravitational and field energy together [J].
         work: Work of pins, wind, drag and friction since the start [J].
     """
@@ -83,8 +83,8 @@ def _pins_still(history: History, simulation: Simulation) -> Claim:
         frames = np.array(history.positions[handle.name])
         for pin in handle.body.pins:
             if pin.track is None:
-                nodes = select_nodes(pin.nodes, handle.nodes)
-                held = frames[:, nodes[:, 0], nodes[:, 1]]
+                nodes = select_nodes(pin.nodes, handle.nodes, handle.body.kind)
+                held = frames[:, *nodes.T]
                 moved = max(moved, float(np.abs(held - held[0]).max()))
     return Claim("pinned nodes move [m]", moved, 0.0, 0.0)
 
@@ -174,10 +174,41 @@ def materials(simulation: Simulation, history: History) -> list[Claim]:
     ]
 
 
+def lifted_patch(simulation: Simulation, history: History) -> list[Claim]:
+    """Both are lifted; the membrane crumples, the plate stays smooth and lifts more of itself."""
+    ends = {name: frames[-1] for name, frames in history.positions.items()}
+    return [
+        _stretch(simulation, 1.15),
+        *(Claim(f"height of the {name}'s corner [m]", float(r[0, 0, 2]), 0.25, 0.4) for name, r in ends.items()),
+        Claim("folds of the membrane [degrees]", folds(ends["membrane"]), 60.0, 180.0),
+        Claim("folds of the plate [degrees]", folds(ends["plate"]), 0.0, 15.0),
+        *(_nothing_inside(history, simulation, name, 1e-3) for name in ends),
+    ]
+
+
+def spring_steel(simulation: Simulation, history: History) -> list[Claim]:
+    """The cable bends the strip far without stretching it; let go, it rings as a clamped beam does."""
+    tip = np.array([frame[-1].mean(axis=0) for frame in history.positions["strip"]])
+    times, let_go = np.array(history.times), history.after(1.0)
+    height = tip[let_go:, 2] - 0.2
+    turns = times[let_go:-1][height[:-1] * height[1:] < 0.0]
+    # 1.8751^2 / (2 pi L^2) sqrt(E h^2 / (12 rho)), the clamp in the middle between the two pinned rows.
+    frequency = 1.8751**2 / (2.0 * np.pi * 0.295**2) * np.sqrt(2.0e11 * 5e-4**2 / (12.0 * 7850.0))
+    return [
+        _pins_still(history, simulation),
+        _stretch(simulation, 1.001),
+        Claim("height to which the cable bends the tip [m]", float(height[0]), 0.15, 0.25),
+        Claim("depth that it swings to [m]", float(-height[: let_go // 4].min()), 0.15, 0.25),
+        Claim("its frequency over that of a beam", 0.5 / float(np.diff(turns).mean()) / frequency, 0.9, 1.1),
+    ]
+
+
 def _fallen(frames: list[Array]) -> float:
     """How far below its start the lowest node of all frames is [m]."""
     return float(frames[0][..., 2].min() - min(frame[..., 2].min() for frame in frames))
 
 
-CHECKS: dict[str, Check] = {check.__name__: check for check in (hanging, flag, carpet, bunny, materials)}
+CHECKS: dict[str, Check] = {
+    check.__name__: check for check in (hanging, flag, carpet, bunny, materials, lifted_patch, spring_steel)
+}
 """The check of each packaged scene, by the scene's name."""

@@ -72,13 +72,19 @@ _NUMBERS: dict[tuple[int, ...], tuple[Any, str]] = {
     (1, 3, 6): (NumberOrWeights, "a number, or three: 11, 22, 12, or six: 11, 22, 33, 12, 13, 23"),
 }
 
-_SHAPE_KEYS: dict[str, tuple[Any, Any]] = {
-    "size": (Pair, key([1.0, 1.0], "Lengths along u and v", unit="m", example=[1.0, 1.0])),
-    "radius": (float, key(1.0, "Radius", unit="m", example=1.0)),
-    "angle": (float, key(90.0, "Opening angle", unit="degrees", example=90.0)),
-    "length": (float, key(1.0, "Length along the axis", unit="m", example=1.0)),
-    "path": (str, key(..., "A .npy, .npz or .csv file of positions, seen from the scene file", example="rest.npy")),
+_SHAPE_KEYS: dict[str, tuple[str, str]] = {
+    "size": ("Lengths along the axes", "m"),
+    "radius": ("Radius", "m"),
+    "tube_radius": ("Radius of the tube", "m"),
+    "angle": ("Opening angle", "degrees"),
+    "length": ("Length along the axis", "m"),
+    "thickness": ("Thickness of the wall", "m"),
+    "pitch": ("Way along the axis in one turn", "m"),
+    "turns": ("Turns", ""),
+    "path": ("A .npy, .npz or .csv file of positions, seen from the scene file", ""),
+    "periodic": ("Axes that close, one true or false for each", ""),
 }
+"""Description and unit of the arguments of rest shapes; their types and defaults are those of the functions."""
 
 _OBSTACLE_KEYS: dict[str, tuple[Any, Any]] = {
     "radius": (float, key(..., "Radius", unit="m", example=0.3)),
@@ -134,13 +140,27 @@ def material_table() -> Any:
 
 
 def shape_table() -> Any:
-    """The tables of the rest shapes: one for each function of `SHAPES`, one key for each argument beside `nodes`."""
+    """The tables of the rest shapes: one for each function of `SHAPES`, one key for each argument.
+
+    Nodes and kind of the body stand beside the shape.
+    """
     tables = {}
     for kind, function in SHAPES.items():
-        arguments = [name for name in inspect.signature(function).parameters if name != "nodes"]
+        arguments = inspect.signature(function).parameters.values()
         description = (inspect.getdoc(function) or "").split("\n")[0]
-        tables[kind] = (description, {name: _SHAPE_KEYS[name] for name in arguments})
+        tables[kind] = (description, {a.name: _shape_key(a) for a in arguments if a.name not in ("nodes", "kind")})
     return _kinds("shape", Table, tables)
+
+
+def _shape_key(argument: inspect.Parameter) -> tuple[Any, Any]:
+    """Type and key of an argument of a rest shape."""
+    (description, unit), default = _SHAPE_KEYS[argument.name], argument.default
+    if default is inspect.Parameter.empty:
+        return str, key(..., description, example="rest.npy")
+    if isinstance(default, tuple):
+        kind = {0: list[bool], 2: Pair, 3: Vector}[len(default)]
+        return kind, key(list(default), description, unit=unit, example=list(default) or [True, False])
+    return float, key(default, description, unit=unit, example=default)
 
 
 def obstacle_table() -> Any:

@@ -38,7 +38,13 @@ def simulation_of(scene: BuiltScene) -> Simulation:
     """The simulation that a scene describes, at its first frame."""
     from warpdeform.simulation import Simulation  # Warp is loaded only when something runs
 
-    return Simulation(scene.bodies, obstacles=scene.obstacles, wind=scene.wind, settings=scene.settings)
+    return Simulation(
+        scene.bodies,
+        obstacles=scene.obstacles,
+        attachments=scene.attachments,
+        wind=scene.wind,
+        settings=scene.settings,
+    )
 
 
 def play(

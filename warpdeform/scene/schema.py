@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 else:
     MaterialTable, ShapeTable, AnyObstacleTable = material_table(), shape_table(), obstacle_table()
 
-_SELECTOR = 'a selector such as "corner:0,1", "edge:u,0" or "all", or index pairs [[i, j], ...]'
+_SELECTOR = 'a selector such as "corner:0,1", "edge:u,0" or "all", or indices such as [[i, j], ...]'
 
 
 class SceneTable(Table):
@@ -56,6 +56,7 @@ class SolverTable(Table):
     preconditioner: str = key(Settings.preconditioner, "Preconditioner", example="auto")
     precision: str = key(Settings.precision, "float32 or float64", example="float32")
     device: str = key(Settings.device, "Device: auto, cpu, cuda:0, ...", example="auto")
+    threads: int = key(Settings.threads, "Threads that share a step on the CPU; 0 = as many as pay", example=2)
 
 
 class HeldPathTable(PathTable):
@@ -72,6 +73,7 @@ class PinTable(Table):
     shorthand = "nodes"
     nodes: Selector = key(..., "Which nodes", example="corner:0,0", words=_SELECTOR)
     path: HeldPathTable | None = key(None, "How they are led; left out: they stay where they are", words="a table")
+    until: float | None = key(None, "When they are let go; left out: never", unit="s", example=1.0, words="a number")
 
 
 class SpringTable(Table):
@@ -83,15 +85,49 @@ class SpringTable(Table):
         None, "Where they pull to; left out: each node to its start", unit="m", example=[0, 0, 1], words="3 numbers"
     )
     path: HeldPathTable | None = key(None, "How that point moves; left out: it stays where it is", words="a table")
+    until: float | None = key(None, "When they let go; left out: never", unit="s", example=1.0, words="a number")
+
+
+class StrandsTable(Table):
+    """Copies of a curve as one body: a fringe, hair over a rectangle, or roots wherever they are."""
+
+    count: list[int] | None = key(
+        None,
+        "Copies in a row along y, or over a rectangle in the xy plane, along x and y",
+        example=[20, 10],
+        words="one or two whole numbers",
+    )
+    size: list[float] | None = key(
+        None, "Length of that row, or of the rectangle's sides", unit="m", example=[0.2, 0.1], words="1 or 2 numbers"
+    )
+    roots: list[Vector] | str | None = key(
+        None,
+        "Where the curve's origin lies in each copy; or a .npy file, seen from the scene file",
+        unit="m",
+        example=[[0, 0, 0], [0, 0.1, 0]],
+        words="a list of [x, y, z], or a file",
+    )
+    normals: list[Vector] | None = key(
+        None,
+        "Directions that the curve's x axis is turned to: one, or one for each root; left out: it stays",
+        example=[[0, 0, 1]],
+        words="a list of [x, y, z]",
+    )
 
 
 class BodyTable(Table):
-    """[[body]]: a deformable surface, where it starts and what holds it."""
+    """[[body]]: a deformable curve, surface or solid, where it starts and what holds it."""
 
     name: str = key("", "Name in the output; left out: body0, body1, ...", example="sheet")
-    kind: str = key("surface", "Kind of body", example="surface")
-    nodes: Annotated[list[int], Len(2, 2)] = key(..., "Nodes along u and v", example=[64, 64])
+    kind: str = key("", "Kind of body: curve, surface or solid; left out: what its shape is", example="surface")
+    nodes: Annotated[list[int], Len(1, 3)] = key(
+        ...,
+        "Nodes along u, of surfaces along u and v, of solids along u, v and w",
+        example=[64, 64],
+        words="1 to 3 whole numbers",
+    )
     shape: ShapeTable = key(..., "Rest shape", example={"kind": "sheet"}, words="a table")
+    strands: StrandsTable | None = key(None, "Copies of a curve; left out: one", words="a table")
     material: MaterialTable = key(..., "Preset, or numbers", example="cotton", words="a preset or a table of numbers")
     position: Vector = key([0.0, 0.0, 0.0], "Where the rest shape's origin starts", unit="m", example=[0.0, 0.0, 1.0])
     rotation: Vector = key([0.0, 0.0, 0.0], ROTATION, unit="degrees", example=[90.0, 0.0, 0.0])
@@ -100,8 +136,26 @@ class BodyTable(Table):
     springs: list[SpringTable] = key([], "Springs from nodes to points")
     drag: float = key(0.0, "Damping by mass, beside the material's own", unit="1/s", example=0.1)
     wind_coefficient: float = key(2.0, "c of the wind's force c (n . v) n", unit="kg/(m2 s)", example=2.0)
+    pressure: float = key(0.0, "Pressure inside of a tube, torus or sphere over that outside", unit="Pa", example=50.0)
     color: Vector | None = key(None, "Colour, linear RGB", example=[0.55, 0.13, 0.11], words="3 numbers")
     roughness: float | None = key(None, "Roughness, 0 (mirror) to 1 (matt)", example=0.7, words="a number")
+
+
+class AttachmentTable(Table):
+    """[[attachment]]: nodes of a body that hang on points of another; see `warpdeform.attachment.Attachment`."""
+
+    body: str = key(..., "Body whose nodes are attached; rigid ones follow the other body", example="curtain")
+    nodes: Selector = key(..., "Which of its nodes", example="edge:v,1", words=_SELECTOR)
+    to: str = key(..., "Body that they are attached to", example="rod")
+    at: Selector | list[list[float]] = key(
+        "nearest",
+        "Where on it: as many nodes, nodes of an edge, the nearest points, or parameters from 0 to 1",
+        example="nearest",
+        words='a selector, "nearest", or a list of parameters [[u, v], ...]',
+    )
+    stiffness: float | None = key(
+        None, "Stiffness of each node's tie; left out: rigid", unit="N/m", example=100.0, words="a number"
+    )
 
 
 class WindTable(Table):
@@ -132,6 +186,7 @@ class SceneFile(Table):
         words="tables [[body]], at least one",
     )
     obstacle: list[AnyObstacleTable] = key([], "Obstacles", words="tables [[obstacle]]")
+    attachment: list[AttachmentTable] = key([], "What ties bodies to each other", words="tables [[attachment]]")
     wind: WindTable | None = key(None, "Stream of air; left out: the air is at rest", words="a table [wind]")
     output: OutputTable = key(OutputTable(), "What is written", words="a table [output]")
 

@@ -8,14 +8,18 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from warpdeform.usd.check import check_stage, schema_errors
+    from warpdeform.usd.curves import CurveSet
     from warpdeform.usd.frames import FrameWriter
     from warpdeform.usd.mesh import read_mesh, warp_asset
     from warpdeform.usd.output import check_output
-    from warpdeform.usd.topology import SurfaceMesh
+    from warpdeform.usd.solid import SolidBlock
+    from warpdeform.usd.surface import SurfaceMesh
 
 _PLACES = {
+    "CurveSet": "curves",
     "FrameWriter": "frames",
-    "SurfaceMesh": "topology",
+    "SolidBlock": "solid",
+    "SurfaceMesh": "surface",
     "check_output": "output",
     "check_stage": "check",
     "schema_errors": "check",
@@ -23,7 +27,17 @@ _PLACES = {
     "warp_asset": "mesh",
 }
 
-__all__ = ["FrameWriter", "SurfaceMesh", "check_output", "check_stage", "read_mesh", "schema_errors", "warp_asset"]
+__all__ = [
+    "CurveSet",
+    "FrameWriter",
+    "SolidBlock",
+    "SurfaceMesh",
+    "check_output",
+    "check_stage",
+    "read_mesh",
+    "schema_errors",
+    "warp_asset",
+]
 
 
 def __getattr__(name: str) -> object:

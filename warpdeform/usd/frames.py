@@ -16,10 +16,10 @@ from pxr import Sdf, Tf
 from warpdeform.errors import InputError, Mistake, SimulationFailure, WarpdeformError
 from warpdeform.obstacle import Obstacle
 from warpdeform.usd.chunks import CHUNK_FRAMES, ChunkStore
+from warpdeform.usd.description import BodyDescription, BodySamples, Vectors
 from warpdeform.usd.obstacles import ObstacleSamples
 from warpdeform.usd.output import OutputFiles, check_output, refusal
-from warpdeform.usd.stage import StageUnits, StaticStage, SurfacePaths, define_surface, vector_array
-from warpdeform.usd.topology import SurfaceMesh, extent, vertex_normals
+from warpdeform.usd.stage import StageUnits, StaticStage, vector_array
 
 try:
     import fcntl
@@ -29,6 +29,8 @@ except ImportError:  # Windows: two runs that write the same file are not notice
 
 class FrameWriter:
     """Writes one sample of every body per frame: points, velocities, normals, extent, and the poses of obstacles.
+
+    Bodies are described by kind: `SurfaceMesh`, `CurveSet`, `SolidBlock`, or another `BodyDescription`.
 
     While it is open the frames so far can be read through `partial_path`, whatever happens to the process. `close`
     makes the requested file of them and replaces in one step what was there before; leaving the `with` body through
@@ -42,7 +44,7 @@ class FrameWriter:
         self,
         path: str | Path,
         *,
-        bodies: Sequence[SurfaceMesh],
+        bodies: Sequence[BodyDescription],
         obstacles: Sequence[Obstacle] = (),
         fps: float,
         up_axis: str = "Z",
@@ -56,8 +58,8 @@ class FrameWriter:
 
         Args:
             path: The requested file: .usdc, .usda or .usdz.
-            bodies: The surfaces; their names key the samples.
-            obstacles: Obstacles, drawn beside the surfaces.
+            bodies: The bodies; their names key the samples.
+            obstacles: Obstacles, drawn beside the bodies.
             fps: Frames per second of simulated time.
             up_axis: "Y" or "Z", the axis of the given coordinates that points up; nothing is turned.
             meters_per_unit: Length of a unit of the file, m; positions and velocities are given in metres.
@@ -73,7 +75,7 @@ class FrameWriter:
         self._metadata = dict(metadata or {})
         self._obstacles = tuple(obstacles)
         self._bodies = tuple(bodies)
-        self._surfaces: dict[str, SurfacePaths] = {}
+        self._samples: dict[str, BodySamples] = {}
         self._moving: list[ObstacleSamples] = []
         self._start = 0.0
         self._stitched = self._closed = False
@@ -85,7 +87,7 @@ class FrameWriter:
             self._files.remove_partial()
             static = StaticStage()
             for body in self._bodies:
-                self._surfaces[body.name] = define_surface(static, body, self._units)
+                self._samples[body.name] = body.define(static, self._units)
             self._moving = [ObstacleSamples(static, obstacle, self._units) for obstacle in self._obstacles]
             self._store = ChunkStore(self._files, static, self._units, self._metadata, chunk_frames)
         except BaseException as error:
@@ -119,7 +121,8 @@ class FrameWriter:
 
         Args:
             time: Simulated time, s: that of the first sample plus k / fps.
-            points: Node positions of every body, m, shape (nu, nv, 3).
+            points: Node positions of every body, m, shape (*nodes, 3): (nu, nv, 3) of a surface, (n, strands, 3) of
+                curves, (nu, nv, nw, 3) of a solid.
             velocities: Node velocities, m/s, same shape.
 
         Raises:
@@ -134,14 +137,11 @@ class FrameWriter:
         values: dict[Sdf.Path, object] = {}
         size = 0
         for body in self._bodies:
-            paths = self._surfaces[body.name]
             r = self._sample(body, "position", points[body.name], time)
             v = self._sample(body, "velocity", velocities[body.name], time)
-            values[paths.points] = vector_array(r)
-            values[paths.velocities] = vector_array(v)
-            values[paths.normals] = vector_array(vertex_normals(r, body.periodic))
-            values[paths.extent] = vector_array(extent(r))
-            size += 3 * r.nbytes
+            for path, vectors in self._samples[body.name].sample(r, v).items():
+                values[path] = vector_array(vectors)
+                size += vectors.nbytes
         for obstacle in self._moving:
             values.update(obstacle.sample(time))
         if not self.frames:
@@ -198,8 +198,8 @@ class FrameWriter:
         if self._files.folder.is_dir() and not any(self._files.folder.iterdir()):
             self._files.folder.rmdir()
 
-    def _sample(self, body: SurfaceMesh, what: str, values: NDArray[np.floating], time: float) -> NDArray[np.float32]:
-        """One checked sample in the units of the file, shape (nu, nv, 3)."""
+    def _sample(self, body: BodyDescription, what: str, values: NDArray[np.floating], time: float) -> Vectors:
+        """One checked sample in the units of the file, shape (*nodes, 3)."""
         array = np.asarray(values)
         if array.shape != (*body.nodes, 3):
             problem, remedy = "is not the shape of its grid", f"Give an array of shape {[*body.nodes, 3]}."
@@ -238,7 +238,9 @@ class FrameWriter:
             raise WarpdeformError(f"{self.path} could not be written ({' '.join(str(error).split())}){rest}") from error
 
 
-def _check(bodies: Sequence[SurfaceMesh], fps: float, up_axis: str, meters_per_unit: float, chunk_frames: int) -> None:
+def _check(
+    bodies: Sequence[BodyDescription], fps: float, up_axis: str, meters_per_unit: float, chunk_frames: int
+) -> None:
     mistakes = []
     names = [body.name for body in bodies]
     if not names:

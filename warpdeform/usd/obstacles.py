@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from warpdeform.obstacle import Obstacle
+from warpdeform.usd.geometry import creased_normals, extent, vertex_normals
 from warpdeform.usd.stage import StageUnits, StaticStage, vector_array
-from warpdeform.usd.topology import SurfaceMesh, creased_normals, extent, quad_indices, vertex_normals
+from warpdeform.usd.topology import quad_indices
 
 PLANE_WIDTH = 20.0
 """Width at which the infinite plane is drawn, m."""
@@ -39,9 +40,7 @@ class ObstacleSamples:
         """
         path = static.new_path(obstacle.name)
         gprim = _define(static, path, obstacle, units.per_meter)
-        if path.name != obstacle.name:
-            gprim.GetPrim().SetDisplayName(obstacle.name)
-        static.paint(gprim, path.name, obstacle.color, obstacle.roughness)
+        static.paint(gprim, obstacle.name, obstacle.color, obstacle.roughness)
         self._track, self._per_meter = obstacle.track, units.per_meter
         self._rotation: NDArray[np.float64] | None = None
         translate, orient = gprim.AddTranslateOp().GetAttr(), gprim.AddOrientOp().GetAttr()
@@ -92,15 +91,15 @@ def _define(static: StaticStage, path: Sdf.Path, obstacle: Obstacle, scale: floa
 
 
 def _torus(static: StaticStage, path: Sdf.Path, obstacle: Obstacle, scale: float) -> UsdGeom.Gprim:
-    surface = SurfaceMesh(obstacle.name, _TORUS_NODES, (True, True))
+    periodic = (True, True)
     u, v = (np.linspace(0.0, 2.0 * np.pi, n, endpoint=False) for n in _TORUS_NODES)
     u, v = np.meshgrid(u, v, indexing="ij")
     tube = _size(obstacle, "tube_radius") * scale
     ring = _size(obstacle, "radius") * scale + tube * np.cos(v)
     points = np.stack([ring * np.cos(u), ring * np.sin(u), tube * np.sin(v)], axis=-1).astype(np.float32)
-    quads = quad_indices(surface)
+    quads = quad_indices(_TORUS_NODES, periodic)
     mesh = static.polygons(path, np.full(len(quads), 4, np.int32), quads)
-    _shape_mesh(mesh, points, vertex_normals(points, surface.periodic), UsdGeom.Tokens.vertex)
+    _shape_mesh(mesh, points, vertex_normals(points, periodic), UsdGeom.Tokens.vertex)
     return mesh
 
 

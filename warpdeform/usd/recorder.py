@@ -2,14 +2,37 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from warpdeform.usd.description import BodyDescription
 from warpdeform.usd.frames import FrameWriter
-from warpdeform.usd.topology import SurfaceMesh
+from warpdeform.usd.surface import SurfaceMesh
 
 if TYPE_CHECKING:
+    from warpdeform.body import Body
     from warpdeform.simulation import Simulation
+
+
+def describe(body: Body) -> BodyDescription:
+    """How a body of a simulation appears in a file."""
+    return _KINDS[body.kind](body).outward(body.shape.positions)
+
+
+def _surface(body: Body) -> BodyDescription:
+    shape = body.shape
+    return SurfaceMesh(
+        body.name,
+        (body.nodes[0], body.nodes[1]),
+        periodic=(shape.periodic[0], shape.periodic[1]),
+        thickness=body.material.thickness or 0.0,
+        color=body.color,
+        roughness=body.roughness,
+    )
+
+
+_KINDS: dict[str, Callable[[Body], BodyDescription]] = {"surface": _surface}
 
 
 class Recorder(FrameWriter):
@@ -26,19 +49,9 @@ class Recorder(FrameWriter):
 
     def __init__(self, simulation: Simulation, path: str | Path, **options: Any) -> None:
         self.simulation = simulation
-        bodies = [handle.body for handle in simulation.bodies]
-        meshes = [
-            SurfaceMesh(
-                body.name,
-                body.nodes,
-                color=body.color,
-                roughness=body.roughness,
-                thickness=body.material.thickness or 0.0,
-            )
-            for body in bodies
-        ]
+        bodies = [describe(handle.body) for handle in simulation.bodies]
         fps = simulation.settings.fps
-        super().__init__(path, bodies=meshes, obstacles=simulation.obstacles, fps=fps, **options)
+        super().__init__(path, bodies=bodies, obstacles=simulation.obstacles, fps=fps, **options)
 
     def write_frame(self) -> None:
         """Write the present state as the next frame.

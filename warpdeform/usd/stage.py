@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdShade, Vt
 
-from warpdeform.usd.topology import SurfaceMesh, quad_indices, texture_coordinates
+from warpdeform.usd.geometry import extent
 
 ROOT = Sdf.Path("/World")
 MATERIALS = ROOT.AppendChild("Materials")
@@ -88,10 +88,24 @@ class StaticStage:
         self.sampled[attribute.GetPath()] = attribute.GetTypeName()
         return attribute.GetPath()
 
+    def animate(self, gprim: UsdGeom.PointBased) -> PointSamples:
+        """Let points, velocities and extent of a prim that is made of points have samples."""
+        attributes = gprim.CreatePointsAttr(), gprim.CreateVelocitiesAttr(), gprim.CreateExtentAttr()
+        return PointSamples(*(self.mark_sampled(attribute) for attribute in attributes))
+
+    def animate_normals(self, mesh: UsdGeom.Mesh, interpolation: str) -> Sdf.Path:
+        """Let the normals of a mesh, one for each `vertex` or face corner (`faceVarying`), have samples."""
+        normals = mesh.CreateNormalsAttr()
+        mesh.SetNormalsInterpolation(interpolation)
+        return self.mark_sampled(normals)
+
     def paint(self, gprim: UsdGeom.Gprim, name: str, color: Iterable[float], roughness: float) -> None:
-        """Give a gprim its display colour and bind a preview material of its own, called `name`."""
+        """Give a gprim the name of what it shows, its display colour, and a preview material of its own."""
+        prim = gprim.GetPrim()
+        if prim.GetName() != name:
+            prim.SetDisplayName(name)
         gprim.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*color)]))
-        material = UsdShade.Material.Define(self.stage, self.new_path(name, MATERIALS))
+        material = UsdShade.Material.Define(self.stage, self.new_path(prim.GetName(), MATERIALS))
         shader = UsdShade.Shader.Define(self.stage, material.GetPath().AppendChild("Surface"))
         shader.CreateIdAttr("UsdPreviewSurface")
         shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*color))
@@ -99,7 +113,19 @@ class StaticStage:
         shader.CreateInput("metallic", Sdf.ValueTypeNames.Float).Set(0.0)
         shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
         material.CreateSurfaceOutput().ConnectToSource(shader.ConnectableAPI(), "surface")
-        UsdShade.MaterialBindingAPI.Apply(gprim.GetPrim()).Bind(material)
+        UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
+
+    def texture(self, mesh: UsdGeom.Mesh, values: NDArray[np.float32], corners: NDArray[np.integer]) -> None:
+        """Give a mesh texture coordinates (k, 2), and each face corner the number of its own."""
+        names, where = Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
+        st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", names, where)
+        st.Set(Vt.Vec2fArray.FromNumpy(values))
+        st.SetIndices(int_array(corners))
+
+    def note(self, gprim: UsdGeom.Gprim, name: str, value: float) -> None:
+        """Keep a number of ours with a prim, as `warpdeform:name`."""
+        attribute = gprim.GetPrim().CreateAttribute(f"warpdeform:{name}", Sdf.ValueTypeNames.Float, custom=True)
+        attribute.Set(value)
 
     def polygons(self, path: Sdf.Path, counts: NDArray[np.integer], indices: NDArray[np.integer]) -> UsdGeom.Mesh:
         """Define a mesh that is drawn as it is: constant topology, no subdivision."""
@@ -110,43 +136,46 @@ class StaticStage:
         mesh.CreateOrientationAttr(UsdGeom.Tokens.rightHanded)
         return mesh
 
+    def lines(
+        self, path: Sdf.Path, counts: NDArray[np.integer], widths: NDArray[np.floating], closed: bool
+    ) -> UsdGeom.BasisCurves:
+        """Define curves of straight segments: points of each curve, one width or one per point, closed or open."""
+        curves = UsdGeom.BasisCurves.Define(self.stage, path)
+        curves.CreateTypeAttr(UsdGeom.Tokens.linear)
+        curves.CreateWrapAttr(UsdGeom.Tokens.periodic if closed else UsdGeom.Tokens.nonperiodic)
+        curves.CreateCurveVertexCountsAttr(int_array(counts))
+        curves.CreateWidthsAttr(Vt.FloatArray.FromNumpy(np.ascontiguousarray(widths, dtype=np.float32)))
+        curves.SetWidthsInterpolation(UsdGeom.Tokens.constant if len(widths) == 1 else UsdGeom.Tokens.vertex)
+        return curves
+
+    def tetrahedra(
+        self, path: Sdf.Path, corners: NDArray[np.integer], surface: NDArray[np.integer], color: Iterable[float]
+    ) -> UsdGeom.TetMesh:
+        """Define tetrahedra (k, 4) with the triangles (m, 3) of their surface, for tools: hidden unless asked for."""
+        mesh = UsdGeom.TetMesh.Define(self.stage, path)
+        mesh.CreateTetVertexIndicesAttr(Vt.Vec4iArray.FromNumpy(np.ascontiguousarray(corners, dtype=np.int32)))
+        mesh.CreateSurfaceFaceVertexIndicesAttr(Vt.Vec3iArray.FromNumpy(np.ascontiguousarray(surface, dtype=np.int32)))
+        mesh.CreateOrientationAttr(UsdGeom.Tokens.rightHanded)
+        mesh.CreatePurposeAttr(UsdGeom.Tokens.guide)
+        mesh.CreateDisplayColorAttr(Vt.Vec3fArray([Gf.Vec3f(*color)]))
+        return mesh
+
 
 @dataclass(frozen=True)
-class SurfacePaths:
-    """The sampled attributes of one surface."""
+class PointSamples:
+    """The sampled attributes that every prim made of points has."""
 
-    mesh: SurfaceMesh
     points: Sdf.Path
     velocities: Sdf.Path
-    normals: Sdf.Path
     extent: Sdf.Path
 
-
-def define_surface(static: StaticStage, surface: SurfaceMesh, units: StageUnits) -> SurfacePaths:
-    """Define the mesh of a surface: topology, texture coordinates and material now, samples later."""
-    quads = quad_indices(surface)
-    path = static.new_path(surface.name)
-    mesh = static.polygons(path, np.full(len(quads), 4, np.int32), quads.reshape(-1))
-    mesh.CreateDoubleSidedAttr(not surface.closed)
-    values, corners = texture_coordinates(surface)
-    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying)
-    st.Set(Vt.Vec2fArray.FromNumpy(values))
-    st.SetIndices(int_array(corners))
-    if path.name != surface.name:
-        mesh.GetPrim().SetDisplayName(surface.name)
-    if surface.thickness:
-        thickness = mesh.GetPrim().CreateAttribute("warpdeform:thickness", Sdf.ValueTypeNames.Float, custom=True)
-        thickness.Set(surface.thickness * units.per_meter)
-    static.paint(mesh, path.name, surface.color, surface.roughness)
-    normals = mesh.CreateNormalsAttr()
-    mesh.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
-    return SurfacePaths(
-        surface,
-        points=static.mark_sampled(mesh.CreatePointsAttr()),
-        velocities=static.mark_sampled(mesh.CreateVelocitiesAttr()),
-        normals=static.mark_sampled(normals),
-        extent=static.mark_sampled(mesh.CreateExtentAttr()),
-    )
+    def sample(
+        self, points: NDArray[np.float32], velocities: NDArray[np.float32], margin: float = 0.0
+    ) -> dict[Sdf.Path, NDArray[np.float32]]:
+        """One sample: points and velocities (n, 3), and the box that reaches `margin` beyond the points."""
+        low, high = extent(points)
+        box = np.array([low - margin, high + margin], dtype=np.float32)
+        return {self.points: points, self.velocities: velocities, self.extent: box}
 
 
 def vector_array(values: NDArray[np.floating]) -> Vt.Vec3fArray:

@@ -1,186 +1,133 @@
-"""The mesh that a parameter grid is drawn as: quads, texture coordinates, vertex normals and extents."""
+"""How the nodes of a grid are joined: faces of surfaces, sides and tetrahedra of solids, texture coordinates."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warpdeform.errors import InputError, Mistake
+Ints = NDArray[np.int32]
 
 
-@dataclass(frozen=True)
-class SurfaceMesh:
-    """A surface as it appears in a USD file: node (i, j) of the grid is the point i * nv + j of the mesh.
+def cell_counts(nodes: Sequence[int], periodic: Sequence[bool]) -> tuple[int, ...]:
+    """Cells along each axis: as many as nodes where the index wraps, else one less."""
+    return tuple(n if wraps else n - 1 for n, wraps in zip(nodes, periodic, strict=True))
 
-    Attributes:
-        name: Name of the body; the prim's name follows it.
-        nodes: Nodes along u and v.
-        periodic: Axes whose index wraps.
-        color: Diffuse colour, linear RGB, each 0 to 1.
-        roughness: Roughness of the material, 0 (mirror) to 1 (matt).
-        thickness: Thickness of the surface, m; 0 = unknown.
+
+def quad_indices(nodes: Sequence[int], periodic: Sequence[bool] = (False, False)) -> Ints:
+    """Corners of the quads of a grid, counter-clockwise seen from the side that r_u x r_v points to.
+
+    Node (i, j) is the point i * nv + j. A quad begins at its node (i, j), so that the diagonal between its first and
+    its third corner runs the way in which both indices grow.
+
+    Returns:
+        Corners, shape (cells, 4).
     """
-
-    name: str
-    nodes: tuple[int, int]
-    periodic: tuple[bool, bool] = (False, False)
-    color: tuple[float, float, float] = (0.55, 0.13, 0.1)
-    roughness: float = 0.7
-    thickness: float = 0.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "nodes", tuple(int(n) for n in self.nodes))
-        object.__setattr__(self, "periodic", tuple(bool(p) for p in self.periodic))
-        object.__setattr__(self, "color", tuple(float(c) for c in self.color))
-        mistakes = []
-        if len(self.nodes) != 2 or any(n < (3 if p else 2) for n, p in zip(self.nodes, self.periodic, strict=True)):
-            problem = "a surface needs at least 2 nodes along each axis, 3 along a periodic one"
-            mistakes.append(Mistake("nodes", self.nodes, problem, "Use [2, 2] or more."))
-        if len(self.color) != 3 or not np.all(np.isfinite(self.color)) or min(self.color) < 0.0:
-            mistakes.append(Mistake("color", self.color, "is not a colour", "Use three numbers from 0 to 1."))
-        if not 0.0 <= self.roughness <= 1.0:
-            mistakes.append(Mistake("roughness", self.roughness, "is outside 0 to 1", "Use 0 (mirror) to 1 (matt)."))
-        if not 0.0 <= self.thickness < np.inf:
-            mistakes.append(Mistake("thickness", self.thickness, "is not a length", "Use metres, 0 when unknown."))
-        if mistakes:
-            raise InputError(mistakes)
-
-    @property
-    def cells(self) -> tuple[int, int]:
-        """Quads along u and v."""
-        (nu, nv), (wrap_u, wrap_v) = self.nodes, self.periodic
-        return (nu if wrap_u else nu - 1, nv if wrap_v else nv - 1)
-
-    @property
-    def closed(self) -> bool:
-        """Whether the surface has no border."""
-        return all(self.periodic)
-
-
-def quad_indices(mesh: SurfaceMesh) -> NDArray[np.int32]:
-    """Corners of the quads, shape (cells, 4), counter-clockwise seen from the side that r_u x r_v points to."""
-    (nu, nv), (cu, cv) = mesh.nodes, mesh.cells
+    (nu, nv), (cu, cv) = nodes, cell_counts(nodes, periodic)
     i, j = np.meshgrid(np.arange(cu), np.arange(cv), indexing="ij")
     i1, j1 = (i + 1) % nu, (j + 1) % nv
     corners = [i * nv + j, i1 * nv + j, i1 * nv + j1, i * nv + j1]
     return np.stack(corners, axis=-1).reshape(-1, 4).astype(np.int32)
 
 
-def texture_coordinates(mesh: SurfaceMesh) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+def texture_coordinates(
+    nodes: Sequence[int], periodic: Sequence[bool] = (False, False)
+) -> tuple[NDArray[np.float32], Ints]:
     """Texture coordinates that run from 0 to 1 along u and v, with a seam where an axis closes.
 
     Returns:
-        Values, shape ((cu + 1) (cv + 1), 2), and the value of each face corner, shape (4 cells,).
+        Values, shape ((cu + 1) (cv + 1), 2), and the value of each quad's corners, shape (cells, 4).
     """
-    cu, cv = mesh.cells
+    cu, cv = cell_counts(nodes, periodic)
     s, t = np.meshgrid(np.arange(cu + 1) / cu, np.arange(cv + 1) / cv, indexing="ij")
-    seamed = SurfaceMesh("seamed", (cu + 1, cv + 1))
-    return np.stack([s, t], axis=-1).reshape(-1, 2).astype(np.float32), quad_indices(seamed).reshape(-1)
+    return np.stack([s, t], axis=-1).reshape(-1, 2).astype(np.float32), quad_indices((cu + 1, cv + 1))
 
 
-def vertex_normals(points: NDArray[np.float32], periodic: tuple[bool, bool] = (False, False)) -> NDArray[np.float32]:
-    """Unit normals at the nodes: the area vectors of the quads around a node, added up and scaled to length 1.
+def cap_faces(count: int) -> list[Ints]:
+    """Cut a ring into quads between its two halves, with a triangle at the end where the number of points is odd.
 
-    The area vector of a quad is half the cross product of its diagonals, whatever its shape. Where the area vectors
-    cancel (a sheet folded flat at the node) the normal is that of one of the quads, so it is always a unit vector.
+    Renderers do not agree on how a polygon of many corners is cut, least of all when it is not flat; and a fan would
+    meet in one node of the ring.
 
     Args:
-        points: Node positions, shape (nu, nv, 3).
+        count: Points of the ring, at least 3.
+
+    Returns:
+        Faces that run around the ring as its points do: quads, shape (k, 4), and triangles, shape (0 or 1, 3).
+    """
+    k = np.arange((count - 1) // 2)
+    quads = np.stack([k, k + 1, count - 2 - k, count - 1 - k], axis=-1).astype(np.int32)
+    if count % 2 == 0:
+        return [quads, np.zeros((0, 3), np.int32)]
+    return [quads[:-1], quads[-1:, [0, 1, 3]]]
+
+
+def flattened(faces: Sequence[Ints]) -> tuple[Ints, Ints]:
+    """Corner counts of faces given in groups (k, corners), and all their corners one after the other."""
+    counts = np.repeat([group.shape[1] for group in faces], [len(group) for group in faces]).astype(np.int32)
+    return counts, np.concatenate([group.reshape(-1) for group in faces])
+
+
+@dataclass(frozen=True)
+class Side:
+    """One side of a block of nodes, a grid of its own.
+
+    Attributes:
+        nodes: Numbers of its nodes, shape (n1, n2); r_1 x r_2 points out of the block.
+        periodic: Axes of the side whose index wraps.
+    """
+
+    nodes: NDArray[np.int64]
+    periodic: tuple[bool, bool]
+
+
+def block_sides(nodes: Sequence[int], periodic: Sequence[bool], turned: bool = False) -> list[Side]:
+    """The sides of a block where it does not wrap: first and last of u, of v, of w.
+
+    Args:
+        nodes: Nodes along u, v and w; node (i, j, k) has the number (i * nv + j) * nw + k.
+        periodic: Axes whose index wraps: they have no sides.
+        turned: Whether (u, v, w) is left-handed.
+    """
+    numbers = np.arange(np.prod(nodes)).reshape(nodes)
+    sides = []
+    for axis in range(3):
+        if periodic[axis]:
+            continue
+        across = ((axis + 1) % 3, (axis + 2) % 3)
+        for last in (False, True):
+            first, second = across if last != turned else across[::-1]
+            grid = numbers.transpose(axis, first, second)[-1 if last else 0]
+            sides.append(Side(np.ascontiguousarray(grid), (bool(periodic[first]), bool(periodic[second]))))
+    return sides
+
+
+def block_tetrahedra(nodes: Sequence[int], periodic: Sequence[bool], turned: bool = False) -> Ints:
+    """Six tetrahedra per cell, one for each order in which the three axes lead from a cell's first node to its last.
+
+    All share the cell's diagonal, and the diagonals of its faces are those of its neighbours' too, over a seam as well
+    (with five to a cell every second one would have to be mirrored, which an odd periodic axis does not allow).
+
+    Args:
+        nodes: Nodes along u, v and w, as for `block_sides`.
         periodic: Axes whose index wraps.
+        turned: Whether (u, v, w) is left-handed.
 
     Returns:
-        Normals on the side of r_u x r_v, shape (nu, nv, 3).
+        Node numbers, shape (6 cells, 4); (r1 - r0) . ((r2 - r0) x (r3 - r0)) > 0, as USD wants it.
     """
-    r = np.ascontiguousarray(np.moveaxis(points, 2, 0), dtype=np.float32)
-    for axis, wraps in enumerate(periodic, start=1):
-        if wraps:
-            r = np.concatenate([r, r.take([0], axis=axis)], axis=axis)
-    first = r[:, 1:, 1:] - r[:, :-1, :-1]
-    second = r[:, :-1, 1:] - r[:, 1:, :-1]
-    nu, nv = points.shape[:2]
-    # quads around a node: one ring of zeros (open) or of wrapped quads (periodic) frames the cells
-    areas = np.zeros((3, nu + 1, nv + 1), np.float32)
-    inner = areas[:, 1 : 1 + first.shape[1], 1 : 1 + first.shape[2]]
-    for a, b, c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
-        np.multiply(first[b], second[c], out=inner[a])
-        inner[a] -= first[c] * second[b]
-    if periodic[0]:
-        areas[:, 0, :] = areas[:, -1, :]
-    if periodic[1]:
-        areas[:, :, 0] = areas[:, :, -1]
-    around = [areas[:, di : di + nu, dj : dj + nv] for di in (0, 1) for dj in (0, 1)]
-    normals = around[0] + around[1] + around[2] + around[3]
-    length, largest = _length(normals), _length(areas).max()
-    cancelled = length <= np.float32(1e-6) * largest
-    if cancelled.any():
-        _fill_cancelled(normals, length, cancelled, around)
-    normals /= length
-    return np.ascontiguousarray(np.moveaxis(normals, 0, 2))
-
-
-def creased_normals(
-    vertices: NDArray[np.floating], faces: NDArray[np.integer], crease: float = 45.0
-) -> NDArray[np.float32]:
-    """Normals of a triangle mesh that are smooth, except across edges sharper than `crease`.
-
-    The normal of a face at a corner adds up the area vectors of those faces around the vertex that lie within `crease`.
-
-    Args:
-        vertices: Vertices, shape (n, 3); faces that touch share them.
-        faces: Triangles, shape (m, 3).
-        crease: Angle between faces that counts as an edge, degrees.
-
-    Returns:
-        Unit normals of the face corners, shape (3 m, 3).
-    """
-    a, b, c = (vertices[faces[:, k]].astype(np.float64) for k in range(3))
-    areas = np.cross(b - a, c - a)
-    sizes = np.linalg.norm(areas, axis=1, keepdims=True)
-    units = np.where(sizes > 0.0, areas / np.where(sizes > 0.0, sizes, 1.0), (0.0, 0.0, 1.0))
-    corners = faces.reshape(-1)
-    order = np.argsort(corners, kind="stable")
-    degree = np.bincount(corners, minlength=len(vertices))
-    start = np.cumsum(degree) - degree
-    # all pairs of corners (first, second) that share a vertex
-    pairs = degree[corners]
-    first = np.repeat(np.arange(len(corners)), pairs)
-    second = order[start[corners[first]] + np.arange(len(first)) - np.repeat(np.cumsum(pairs) - pairs, pairs)]
-    smooth = np.einsum("ij,ij->i", units[first // 3], units[second // 3]) > np.cos(np.radians(crease))
-    first, second = first[smooth], second[smooth]
-    columns = [np.bincount(first, weights=areas[second // 3, k], minlength=len(corners)) for k in range(3)]
-    normals = np.stack(columns, axis=1)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    good = length > 0.0
-    return np.where(good, normals / np.where(good, length, 1.0), np.repeat(units, 3, axis=0)).astype(np.float32)
-
-
-def extent(points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Smallest and largest coordinates of points (..., 3), shape (2, 3)."""
-    columns = [points[..., k] for k in range(3)]  # one at a time: twenty times faster than along the first axis
-    return np.array([[column.min() for column in columns], [column.max() for column in columns]], dtype=np.float32)
-
-
-def _length(vectors: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Lengths of component vectors (3, ...)."""
-    return np.asarray(np.sqrt(np.einsum("kij,kij->ij", vectors, vectors)), dtype=np.float32)
-
-
-def _fill_cancelled(
-    normals: NDArray[np.float32],
-    length: NDArray[np.float32],
-    cancelled: NDArray[np.bool_],
-    around: list[NDArray[np.float32]],
-) -> None:
-    """Give nodes whose area vectors cancel the normal of their largest quad, or +Z where all quads are degenerate."""
-    i, j = np.nonzero(cancelled)
-    candidates = np.stack([area[:, i, j] for area in around]).astype(np.float64)  # (4, 3, k)
-    sizes = np.linalg.norm(candidates, axis=1)
-    best = sizes.argmax(axis=0)
-    columns = np.arange(len(i))
-    chosen, size = candidates[best, :, columns], sizes[best, columns]
-    degenerate = size < 1e-30
-    chosen[degenerate], size[degenerate] = (0.0, 0.0, 1.0), 1.0
-    normals[:, i, j] = (chosen / size[:, None]).T
-    length[i, j] = 1.0
+    cells = cell_counts(nodes, periodic)
+    start = np.stack(np.meshgrid(*(np.arange(count) for count in cells), indexing="ij"), axis=-1).reshape(-1, 3)
+    found = []
+    for order in permutations(range(3)):
+        steps = np.zeros((4, 3), dtype=np.int64)
+        for k, axis in enumerate(order, start=1):
+            steps[k:, axis] += 1
+        even = np.linalg.det(np.eye(3)[list(order)]) > 0.0
+        if even == turned:
+            steps = steps[[0, 2, 1, 3]]
+        found.append(np.ravel_multi_index(tuple(np.moveaxis((start[:, None] + steps) % nodes, -1, 0)), tuple(nodes)))
+    return np.stack(found, axis=1).reshape(-1, 4).astype(np.int32)

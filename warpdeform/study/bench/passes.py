@@ -10,6 +10,7 @@ import warp as wp
 from warpdeform.body import Body
 from warpdeform.forces.surface_elasticity import SurfaceElasticity
 from warpdeform.kernels.krylov import ALPHA, BETA, SOLVER_SCALARS, krylov, reductions
+from warpdeform.kernels.products import products
 from warpdeform.kernels.surface import surface
 from warpdeform.material import Material
 from warpdeform.model import Model
@@ -98,17 +99,24 @@ class Sheet:
         """The gather pass of gradient and Hessian product."""
         e = self.shell if bending else self.membrane
         kernels = surface(self.width, self.real, True, bending)
-        self.launch(kernels.gather, e.flux, e.flexure, e.scatter, self.sum)
+        self.launch(kernels.gather, e.fluxes.of_rows(0, self.dim[0]), self.sum)
+
+    def product(self, bending: bool) -> None:
+        """The Hessian product with the mass, as conjugate gradient makes it."""
+        e = self.shell if bending else self.membrane
+        e.write_fluxes(self.state, self.p)
+        assert e.gathering is not None
+        kernels = products(self.width, self.real, e.gathering, False)
+        self.launch(kernels.product, e.fluxes.of_rows(0, self.dim[0]), self.state.mass, self.inertia, self.p, self.q)
 
     def updates(self) -> None:
-        """All that an iteration of conjugate gradient with block-Jacobi does besides the elastic product."""
+        """All that an iteration of conjugate gradient with block-Jacobi does besides the product."""
         k, sums, s = krylov(self.width, self.real), reductions(), self.state
-        self.launch(k.start_product, s.mass, self.inertia, self.p, self.q)
         self.launch(k.mask_dot, s.free, self.p, self.q, s.dots)
-        self.launch(sums.sum_rows, s.dots, self.width, 0, self.rows, rows=True)
+        self.launch(sums.sum_rows, s.dots, self.width, self.rows, rows=True)
         self.launch(k.advance, self.scalars, self.p, self.q, self.sum, self.r)
         self.launch(k.apply_blocks, s.free, self.inverse, self.r, self.z, s.dots)
-        self.launch(sums.sum_rows, s.dots, self.width, 0, self.rows, rows=True)
+        self.launch(sums.sum_rows, s.dots, self.width, self.rows, rows=True)
         self.launch(k.turn, self.scalars, self.z, self.p)
 
 
@@ -134,12 +142,8 @@ class Pass:
     limit: Limit | None = None
 
 
-def _product(s: Sheet) -> None:
-    s.shell.add_hessian_product(s.state, s.p, s.sum)
-
-
 def _iteration(s: Sheet) -> None:
-    _product(s)
+    s.product(True)
     s.updates()
 
 
@@ -150,11 +154,11 @@ PASSES = (
     ),
     Pass("membrane flux", lambda s: s.flux(False), Limit(over_yardstick=1.3)),
     Pass("membrane gather", lambda s: s.gather(False)),
-    Pass("membrane product", lambda s: s.membrane.add_hessian_product(s.state, s.p, s.sum), Limit(ns_per_node=8.0)),
+    Pass("membrane product", lambda s: s.product(False), Limit(ns_per_node=8.0)),
     Pass("bending flux", lambda s: s.flux(True)),
     Pass("bending nodes", lambda s: s.nodes()),
     Pass("bending gather", lambda s: s.gather(True)),
-    Pass("membrane + bending product", _product, Limit(ns_per_node=20.0)),
+    Pass("membrane + bending product", lambda s: s.product(True), Limit(ns_per_node=20.0)),
     Pass("membrane energy", lambda s: s.membrane.add_energy(s.state, s.x, s.state.partials)),
     Pass("membrane + bending energy", lambda s: s.shell.add_energy(s.state, s.x, s.state.partials)),
     Pass("membrane stress", lambda s: s.membrane.linearise(s.state, s.x)),

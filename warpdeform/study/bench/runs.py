@@ -39,19 +39,26 @@ class Runs:
     bytes_per_node: float
 
 
-def scene_of(scene: str, nodes: int, values: dict[str, object], overrides: Sequence[Override]) -> BuiltScene:
+def scene_of(
+    scene: str, nodes: int, values: dict[str, object], overrides: Sequence[Override], *, keep_aspect: bool = False
+) -> BuiltScene:
     """A scene with so many nodes along each side of its first body.
 
     Args:
         scene: Name or path.
         nodes: Nodes along each side.
+        keep_aspect: They are those of the longer side; the other has as many fewer as in the scene.
         values: Values that the benchmark sets by options of its own.
         overrides: Further ones.
 
     Raises:
         InputError: The scene is not in order, or an override is not, or sets what the benchmark sets.
     """
-    values = {"body.0.nodes": [nodes, nodes], **values}
+    counts = [nodes, nodes]
+    if keep_aspect:
+        own = load_scene(scene).bodies[0].nodes
+        counts = [max(2, 1 + round((nodes - 1) * (n - 1) / (max(own) - 1))) for n in own]
+    values = {"body.0.nodes": counts, **values}
     twice = [override for override in overrides if override.key in values]
     if twice:
         remedy = "Use --sizes, or the option of that name."

@@ -112,7 +112,7 @@ def _frame(number: int, drawing: Drawing, output: Path, arrays: dict[str, np.nda
         if item.normals is not None:
             arrays[f"{key}.normals"] = item.normals
         items.append({
-            "key": key, "name": item.name, "role": item.role, "has_normals": item.normals is not None,
+            "key": key, "name": item.name, "thin": item.thin, "has_normals": item.normals is not None,
             "roughness": item.roughness, "metallic": item.metallic,
         })  # fmt: skip
     return {"items": items, "out": str(output.resolve())}

@@ -80,7 +80,7 @@ def add_item(item: dict[str, Any], arrays: Any) -> Any:
     colors = arrays[f"{key}.colors"]
     attribute = mesh.color_attributes.new("displayColor", "FLOAT_COLOR", "POINT")
     attribute.data.foreach_set("color", np.column_stack([colors, np.ones(len(colors))]).astype(np.float32).ravel())
-    mesh.materials.append(cloth(item) if item["role"] == "body" else solid(item))
+    mesh.materials.append(cloth(item) if item["thin"] else solid(item))
     body = bpy.data.objects.new(item["name"], mesh)
     body.cycles.shadow_terminator_geometry_offset = 0.1
     bpy.context.collection.objects.link(body)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warpdeform.errors import InputError, Mistake
 from warpdeform.study.picture.camera import SENSOR, View
@@ -59,10 +60,13 @@ def draw_with_matplotlib(
         shades = np.concatenate([_shade(*piece, view, shadow) for piece in pieces])
         pixels, depth = _project(corners.reshape(-1, 3), view, large)
         depth = depth.reshape(-1, 3)
-        is_body = np.repeat([item.role == "body" for item in drawing.items], [len(piece[0]) for piece in pieces])
+        sizes = [len(piece[0]) for piece in pieces]
+        is_body = np.repeat([item.role == "body" for item in drawing.items], sizes)
+        one_sided = np.repeat([item.role == "body" and not item.thin for item in drawing.items], sizes)
         # Cloth lies on things: where both are about as far, its nearest corner counts against their farthest.
         order = np.argsort(-np.where(is_body, depth.min(axis=1), depth.max(axis=1)), kind="stable")
         order = order[depth.min(axis=1)[order] > 1e-3 * view.distance]
+        order = order[~(one_sided & _away(corners, view))[order]]
         figure = Figure(figsize=(large[0] / 100, large[1] / 100), dpi=100)
         canvas = FigureCanvasAgg(figure)
         axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
@@ -153,6 +157,12 @@ def _shade(corners: Floats, normals: Floats, colors: Floats, view: View, shadow:
     key = np.maximum(normals @ shadow.axes[2], 0.0) * shadow.lit(corners.reshape(-1, 3)).reshape(-1, 3)
     sky = 0.62 + 0.38 * normals[:, :, 2]
     return colors * (key[:, :, None] * KEY_COLOR + sky[:, :, None] * SKY_COLOR)
+
+
+def _away(corners: Floats, view: View) -> NDArray[np.bool_]:
+    """Which triangles show their back: the far side of a solid body, which would peep over its edges."""
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.einsum("mx,mx->m", flat, view.position - corners[:, 0]) < 0.0
 
 
 def _ground_picture(view: View, size: tuple[int, int], height: float, shadow: ShadowMap) -> Floats:

@@ -18,7 +18,8 @@ class Item:
 
     Attributes:
         name: Path of its prim.
-        role: A body is drawn as cloth (sheen, two sides, light shining through), an obstacle as a solid.
+        role: A body is what the picture shows; an obstacle is seen where it is near.
+        thin: Whether it is drawn as cloth (sheen, two sides, light shining through), else as a solid.
         points: Vertex positions in the world, Z up [m], shape (n, 3).
         triangles: Vertex indices, counter-clockwise seen from outside, shape (m, 3).
         normals: Unit vertex normals, shape (n, 3); None to smooth by angle.
@@ -29,6 +30,7 @@ class Item:
 
     name: str
     role: Literal["body", "obstacle"]
+    thin: bool
     points: Floats
     triangles: Ints
     normals: Floats | None
