@@ -7,6 +7,7 @@ from typing import Any
 import warp as wp
 
 from warpdeform.kernels.lanes import kernel_module, lanes
+from warpdeform.kernels.products import Gathering
 
 FLUX_COMPONENTS = 21
 """Derivatives of a cell's energy by its corners 100, 010, 110, 001, 101, 011, 111; 000 has minus their sum."""
@@ -14,7 +15,7 @@ FLUX_COMPONENTS = 21
 
 @functools.cache
 def solid_gather(width: int, real: Any) -> SimpleNamespace:
-    """Kernel ``gather`` for one lane width and precision, the struct ``Fluxes`` and the word ``gathered`` behind it.
+    """Kernel ``gather`` for one lane width and precision, and the ``gathering`` behind it, for products with A.
 
     All variants of solids share them.
     """
@@ -46,4 +47,4 @@ def solid_gather(width: int, real: Any) -> SimpleNamespace:
         i, j = ii + first, (group + 1) * width
         add3(force_out, 0, i, j, gathered(fluxes, i, j))
 
-    return SimpleNamespace(module=module, gather=gather, Fluxes=Fluxes, gathered=gathered)
+    return SimpleNamespace(module=module, gather=gather, gathering=Gathering("solid", gathered, Fluxes))

@@ -19,6 +19,7 @@ import warp as wp
 
 import warpdeform.kernels
 from warpdeform.kernels.products import Gathering
+from warpdeform.kernels.solid_gather import solid_gather
 from warpdeform.kernels.surface import surface
 
 Compile = Callable[[list[wp.Kernel], int], bytes]
@@ -29,6 +30,7 @@ GATHERINGS: list[Callable[[int, Any], Gathering]] = [
     partial(lambda width, real, flags: surface(width, real, *flags).gathering, flags=flags)
     for flags in itertools.product((False, True), repeat=2)
 ]
+GATHERINGS.append(lambda width, real: solid_gather(width, real).gathering)
 """The gatherings of all elastic terms, by lane width and precision."""
 WORDS_ONLY = {
     "lanes", "distances", "geometry", "solid_geometry", "solid_volume", "transfers", "transfer_tables",

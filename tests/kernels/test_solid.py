@@ -139,7 +139,7 @@ def run(nodes: tuple[int, int, int], orthogonal: bool, each: bool, real: Any, wi
     """Every output of every kernel, shape (*nodes, n); outputs that are overwritten start as not a number."""
     given, layout = problem(nodes, orthogonal, each), Layout(nodes, width)
     kernels, diagonal = solid(width, real, orthogonal, False), solid_blocks(width, real, orthogonal, False)
-    gathering, arrays = solid_gather(width, real), dict[str, wp.array]()
+    nodes_of, arrays = solid_gather(width, real), dict[str, wp.array]()
     rows = np.s_[layout.first_row : layout.rows - layout.first_row]
 
     def upload(values: Array) -> wp.array:
@@ -160,9 +160,9 @@ def run(nodes: tuple[int, int, int], orthogonal: bool, each: bool, real: Any, wi
         wp.launch(kernel, dim=dim, inputs=[layout.first_row, *inputs], device="cpu")
 
     def gather(flux: wp.array, out: wp.array) -> None:
-        fluxes = gathering.Fluxes()
+        fluxes = nodes_of.gathering.Fluxes()
         fluxes.flux, fluxes.stride = flux, wp.array([layout.stride], dtype=wp.int32, device="cpu")
-        launch(gathering.gather, fluxes, out)
+        launch(nodes_of.gather, fluxes, out)
 
     u = layout.stride
     rest, z, p = (upload(layout.pack(values)) for values in (given.rest, given.z, given.p))

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 import warp as wp
 from solids import MATERIALS, SHAPES, Block, box, crumpled, noise, squashed, stretched
+from surfaces import REALS, WIDTHS
 
+from warpdeform import launching
 from warpdeform.forces.solid_coefficients import solid_stiffness
 from warpdeform.forces.solid_elasticity import SolidElasticity
 from warpdeform.grid import Layout
@@ -173,6 +175,18 @@ def test_single_precision_needs_as_many_iterations() -> None:
         for real, width in ((wp.float64, 8), (wp.float32, 16))
     ]
     assert abs(counts[0] - counts[1]) <= 1
+
+
+@pytest.mark.parametrize("real", REALS)
+def test_products_in_bands_are_the_same_to_the_bit(real: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    rest = box((12, 5, 40), (0.5, 0.2, 1.6))
+    found = []
+    for band_bytes in (1, 10**9):
+        monkeypatch.setattr(launching, "BAND_BYTES", band_bytes)
+        system = System(rest, rubber(0.4, 2e5), squashed(rest.positions), real=real, lane_width=WIDTHS[real][1])
+        system.product(system.random(2))  # leaves something in the buffers
+        found.append(system.product(system.random(1)))
+    np.testing.assert_array_equal(found[0], found[1])
 
 
 @pytest.mark.parametrize("seed", range(3))

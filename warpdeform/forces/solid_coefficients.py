@@ -24,6 +24,7 @@ from warpdeform.errors import InputError, Mistake
 from warpdeform.grid import ParameterGrid
 from warpdeform.kernels.solid_volume import LEAST
 from warpdeform.material import PaperSolidWeights, SolidCoefficients
+from warpdeform.measure import mean_edges
 
 Array = NDArray[np.float64]
 
@@ -133,13 +134,9 @@ class RestCells:
 
     def __init__(self, grid: ParameterGrid, rest: Array, check: bool = True) -> None:
         self._nodes = grid.nodes
-        closed = rest
-        for axis, wraps in enumerate(grid.periodic):
-            if wraps:
-                closed = np.concatenate([closed, np.take(closed, [0], axis=axis)], axis=axis)
-        edges = [np.diff(closed, axis=axis) for axis in range(3)]
-        self._squares = [np.sum(e**2, axis=-1) for e in edges]
-        self.mean = np.stack([_mean_over_cell(e, axis) for axis, e in enumerate(edges)], axis=-2)
+        closed = grid.closed(rest)
+        self._squares = [np.sum(np.diff(closed, axis=axis) ** 2, axis=-1) for axis in range(3)]
+        self.mean = np.stack(mean_edges(grid, rest), axis=-2)
         self.metric = np.einsum("...ia,...ja->...ij", self.mean, self.mean)
         self.lengths = np.sqrt(np.einsum("...ii->...i", self.metric))
         self.signed_volume = np.linalg.det(self.mean)
@@ -191,10 +188,6 @@ def _around_cell(edges: Array, axis: int) -> list[Array]:
         ends = [n if k == axis else n - 1 for k, n in enumerate(edges.shape[:3])]
         cells.append(edges[tuple(slice(a, a + n) for a, n in zip(at, ends, strict=True))])
     return cells
-
-
-def _mean_over_cell(edges: Array, axis: int) -> Array:
-    return np.asarray(sum(_around_cell(edges, axis)) / 4.0)
 
 
 def _box_law(chart: RestCells, material: SolidCoefficients, ratios: tuple[float, float]) -> Array:

@@ -1,6 +1,5 @@
 """The elastic energy of a solid (design 1.3)."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,10 +9,12 @@ from numpy.typing import NDArray
 from warpdeform.forces.force import BodyArrays, Coarsening, CoarseTerm, Force, GridArrays
 from warpdeform.forces.solid_coefficients import SolidStiffness, solid_stiffness
 from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.halo import Halo
 from warpdeform.kernels import solid as kernels
 from warpdeform.kernels.solid_blocks import solid_blocks
 from warpdeform.kernels.solid_gather import FLUX_COMPONENTS, solid_gather
 from warpdeform.kernels.solid_levels import solid_levels
+from warpdeform.launching import Buffer, RowStruct, Whole, launch_lanes
 from warpdeform.material import Material
 
 Array = NDArray[np.float64]
@@ -49,7 +50,7 @@ class SolidElasticity(Force):
     ) -> None:
         self.stiffness: SolidStiffness = solid_stiffness(grid, rest, material.solid(), like)
         self.barrier = self.stiffness.volume is not None
-        self._rest, self._material, self._spacing = rest, material, grid.spacing
+        self._rest, self._material = rest, material
         self._layout, self._device, self._real = layout, device, real
         self._variant = (layout.lane_width, real, self.stiffness.orthogonal, self.barrier)
         self._words, self._gather = kernels.solid(*self._variant), solid_gather(layout.lane_width, real)
@@ -70,15 +71,23 @@ class SolidElasticity(Force):
         else:
             self.K = upload(self.stiffness.cells)
         ratios = (real(ratio) for ratio in self.stiffness.ratios)
-        self._law = (self.share, self.K, self.t, *ratios, int(not self.stiffness.uniform))
+        self._halo = Halo(layout, real, device)
+        if not self.stiffness.orthogonal:
+            self._halo.refresh(self.t)
+        constants = (self.t, *ratios, int(not self.stiffness.uniform))
+        self._law = (self.share, self.K, *constants)
+        # The same for kernels that read the coefficients of their neighbours.
+        K = self.K if self.stiffness.uniform else self._halo.surrounded(self.K)
+        self._law_around = (self._halo.surrounded(self.share), K, *constants)
         self.q0 = scratch(kernels.NUMBER_COMPONENTS)
         self.tension = scratch(kernels.TENSION_COMPONENTS)
         self.volume, self.hardness = upload(self.stiffness.volume), scratch(1, self.barrier)
         self.flux = scratch(FLUX_COMPONENTS)
-        self._fluxes = self._gather.Fluxes()
-        self._fluxes.flux = self.flux
-        self._fluxes.stride = wp.array([layout.stride], dtype=wp.int32, device=device)
+        self.gathering = self._gather.gathering
+        stride: wp.array = wp.array([layout.stride], dtype=wp.int32, device=device)
+        self.fluxes = RowStruct(self.gathering.Fluxes, {"flux": self.flux, "stride": stride}, frozenset({"flux"}))
         self.measure(upload(rest), self.q0)
+        self._halo.refresh(self.q0)
 
     @property
     def kernels(self) -> tuple[str, ...]:
@@ -88,14 +97,14 @@ class SolidElasticity(Force):
 
     def bytes(self) -> int:
         """Device memory that the term keeps [bytes]."""
-        arrays = (self.share, self.K, self.t, self.q0, self.tension, self.volume, self.hardness, self.flux)
-        return sum(a.capacity for a in arrays)
+        arrays = [self.share, self.K, self.t, self.q0, self.tension, self.volume, self.hardness, self.flux]
+        arrays += self._law_around[:2]
+        return sum({a.ptr: a.capacity for a in arrays}.values()) + self._halo.bytes()
 
     def _launch(self, kernel: Any, *arguments: Any) -> None:
         """Launch over the rows from the first node's to the last one's."""
-        layout = self._layout
-        dim = (layout.rows - 2 * layout.first_row, layout.groups)
-        wp.launch(kernel, dim=dim, inputs=[layout.first_row, *arguments], device=self._device)
+        first = self._layout.first_row
+        launch_lanes(kernel, self._layout, first, *arguments, device=self._device, inner=True)
 
     def coarser(self, transfer: Coarsening) -> "SolidElasticity":
         """The solid through the coarse nodes, with the kernels of this one."""
@@ -108,86 +117,61 @@ class SolidElasticity(Force):
         """Mean tension of the fine cells: strains measured on a coarse grid would be those of another shape."""
         assert isinstance(coarse, SolidElasticity)
         k, cells = solid_levels(self._layout.lane_width, self._real), transfer.cells
-        dim, growth = transfer.layout.lane_dim, [self._real(grown) for grown in transfer.growth]
-        wp.launch(
-            k.average_tension, dim=dim, inputs=[self.tension, cells, *growth, coarse.tension], device=self._device
-        )  # fmt: skip
+        growth, volume = [self._real(grown) for grown in transfer.growth], self._real(float(np.prod(transfer.growth)))
+        coarse._launch_everywhere(k.average_tension, Whole(self.tension), cells, *growth, coarse.tension)
         if self.barrier:
-            volume = self._real(float(np.prod(transfer.growth)))
-            inputs = [self.hardness, cells, volume, coarse.hardness]
-            wp.launch(k.average_hardness, dim=dim, inputs=inputs, device=self._device)
+            coarse._launch_everywhere(k.average_hardness, Whole(self.hardness), cells, volume, coarse.hardness)
+
+    def _launch_everywhere(self, kernel: Any, *arguments: Any) -> None:
+        launch_lanes(kernel, self._layout, *arguments, device=self._device)
 
     def measure(self, position: wp.array, q_out: wp.array) -> None:
         """Strain numbers q of the edges and faces that begin at each node, shape (6, rows, columns), of a shape."""
+        self._halo.refresh(position)
         self._launch(self._words.measure, self._layout.stride, position, q_out)
-
-    def metric(self, position: wp.array) -> "SolidMetric":
-        """The metric tensor of a shape, from the same operators as the energy (host); positions (3, rows, columns)."""
-        q: wp.array = wp.zeros_like(self.q0)
-        self.measure(position, q)
-        return metric_of(self._layout.unpack(q.numpy()), self._spacing)
 
     def linearise(self, body: GridArrays, position: wp.array) -> None:
         """Stresses, and the coefficients of the Hessian at `position`."""
+        self._halo.refresh(position)
         self._launch(
             self._words.stress_cells, self._layout.stride, position, self.q0, *self._law, self.volume,
             self.tension, self.hardness, self.flux,
         )  # fmt: skip
+        self._halo.refresh(self.flux)
         self._position = position
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
         """Add the elastic energy [J]; infinite where there is a barrier and a cell is flat or inside out."""
+        self._halo.refresh(position)
         k = self._words
         self._launch(k.energy_cells, self._layout.stride, position, self.q0, *self._law, self.volume, partials)
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the exact derivative of the energy; uses the stresses of `linearise` (before any Hessian product)."""
-        self._launch(self._gather.gather, self._fluxes, gradient)
+        self._launch(self._gather.gather, self.fluxes, gradient)
+        self._halo.clear(gradient)
 
-    def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
-        """Add the projected Hessian times `direction`."""
+    def write_fluxes(self, body: GridArrays, direction: wp.array) -> None:
+        """Write the flux of the projected Hessian times `direction`."""
         k = self._words
+        self._halo.refresh(direction)
         self._launch(
             k.product_cells, self._layout.stride, self._position, *self._law, self.tension, self.hardness, direction,
-            self.flux,
+            Buffer(self.flux),
         )  # fmt: skip
-        self._launch(self._gather.gather, self._fluxes, product)
+        self._halo.refresh(self.flux)
+
+    def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
+        """Add the projected Hessian times `direction`; what the halo gets of it is for the mask of pins to clear."""
+        self.write_fluxes(body, direction)
+        self._launch(self._gather.gather, self.fluxes, product)
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian."""
         kernel = solid_blocks(*self._variant).block_nodes
-        self._launch(kernel, self._layout.stride, self._position, *self._law, self.tension, self.hardness, blocks)
-
-
-@dataclass(frozen=True)
-class SolidMetric:
-    """Metric tensor of a solid at its samples, in parameter units.
-
-    Attributes:
-        G11: On the u-edges, shape (nu - 1, nv, nw).
-        G22: On the v-edges, shape (nu, nv - 1, nw).
-        G33: On the w-edges, shape (nu, nv, nw - 1).
-        G12: On the uv-faces, shape (nu - 1, nv - 1, nw).
-        G13: On the uw-faces, shape (nu - 1, nv, nw - 1).
-        G23: On the vw-faces, shape (nu, nv - 1, nw - 1).
-    """
-
-    G11: Array
-    G22: Array
-    G33: Array
-    G12: Array
-    G13: Array
-    G23: Array
-
-
-def metric_of(q: Array, spacing: tuple[float, ...]) -> SolidMetric:
-    """G from the numbers that `SolidElasticity.measure` gives, shape (*nodes, 6)."""
-    h1, h2, h3 = spacing
-    return SolidMetric(
-        G11=2.0 * q[:-1, :, :, 0] / h1**2,
-        G22=2.0 * q[:, :-1, :, 1] / h2**2,
-        G33=2.0 * q[:, :, :-1, 2] / h3**2,
-        G12=0.5 * q[:-1, :-1, :, 3] / (h1 * h2),
-        G13=0.5 * q[:-1, :, :-1, 4] / (h1 * h3),
-        G23=0.5 * q[:, :-1, :-1, 5] / (h2 * h3),
-    )
+        law, stride = self._law_around, self._layout.stride
+        self._halo.refresh(self._position, self.tension)
+        if self.barrier:
+            self._halo.refresh(self.hardness)
+        self._launch(kernel, stride, self._position, *law, self.tension, self.hardness, blocks)
+        self._halo.clear(blocks)

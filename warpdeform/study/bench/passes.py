@@ -107,7 +107,7 @@ class Sheet:
         e.write_fluxes(self.state, self.p)
         assert e.gathering is not None
         kernels = products(self.width, self.real, e.gathering, False)
-        self.launch(kernels.product, e.fluxes.of_rows(0, self.dim[0]), self.state.mass, self.inertia, self.p, self.q)
+        self.launch(kernels.product, 1, e.fluxes.of_rows(0, self.dim[0]), self.state.mass, self.inertia, self.p, self.q)
 
     def updates(self) -> None:
         """All that an iteration of conjugate gradient with block-Jacobi does besides the product."""
