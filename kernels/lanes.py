@@ -19,7 +19,7 @@ import warp as wp
 
 WORDS = frozenset(
     "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 read1 read3 read6 write3 splat mul div root at_least "
-    "larger exceeds sum_lanes max_lanes dot3 cross3 normal3 scale scale6 vector outer symmetric isotropic apply6 "
+    "larger exceeds above sum_lanes max_lanes dot3 cross3 normal3 scale scale6 vector outer symmetric isotropic apply6 "
     "inverse6".split()
 )
 NATIVE = {wp.float32: "float", wp.float64: "double"}
@@ -176,6 +176,11 @@ def _scalar_words(real: Any) -> SimpleNamespace:
     def exceeds(a: real, limit: real):
         """1 where a is greater than the limit, 0 elsewhere."""
         return wp.where(a > limit, real(1.0), real(0.0))
+
+    @wp.func
+    def above(a: real, floor: real, x: real, y: real):
+        """x where a is above the floor, else y, also where a is not a number."""
+        return wp.where(a > floor, x, y)
 
     @wp.func
     def sum_lanes(a: real):
@@ -377,6 +382,9 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
 
     @wp.func_native(lane_by_lane(f"a.c[k] > limit ? ({rn})1 : ({rn})0"))
     def exceeds(a: L, limit: real) -> L: ...
+
+    @wp.func_native(lane_by_lane("a.c[k] > floor ? x.c[k] : y.c[k]"))
+    def above(a: L, floor: real, x: L, y: L) -> L: ...
 
     # Pair by pair, always the same pairs: one after another the additions would wait for each other.
     @wp.func_native(

@@ -20,6 +20,7 @@ import warp as wp
 import warpdeform.kernels
 from warpdeform.kernels.curve import curve
 from warpdeform.kernels.products import Gathering
+from warpdeform.kernels.solid_gather import solid_gather
 from warpdeform.kernels.surface import surface
 
 Compile = Callable[[list[wp.Kernel], int], bytes]
@@ -33,10 +34,11 @@ GATHERINGS: list[Callable[[int, Any], Gathering]] = [
     for flags in itertools.product((False, True), repeat=2)
 ]
 GATHERINGS += [partial(lambda width, real, n: curve(width, real, n).gathering, n=n) for n in (0, 2, 3)]
+GATHERINGS.append(lambda width, real: solid_gather(width, real).gathering)
 """The gatherings of all elastic terms, by lane width and precision."""
 WORDS_ONLY = {
-    "angle_system", "angles", "curve_geometry", "distances", "geometry", "lanes", "strand_border", "strand_words",
-    "transfer_tables", "transfers",
+    "angle_system", "angles", "curve_geometry", "distances", "geometry", "lanes", "solid_geometry", "solid_volume",
+    "strand_border", "strand_words", "transfer_tables", "transfers",
 }  # fmt: skip
 """Factories of device functions that have no kernel of their own."""
 
@@ -118,5 +120,6 @@ def test_no_factory_of_kernels_is_overlooked() -> None:
     assert {"krylov", "reductions", "stage", "decisions", "surface", "surface_coupling"} <= found
     assert {"fields", "guards", "wind"} <= found
     assert {"curve", "curve_frame", "curve_settle", "curve_blocks", "strand"} <= found
+    assert {"solid", "solid_blocks", "solid_gather", "solid_levels"} <= found
     modules = [kernels_of(*variant.values)[0].module.name for variant in VARIANTS]
     assert len(set(modules)) == len(modules)

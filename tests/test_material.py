@@ -13,7 +13,9 @@ from warpdeform.material import (
     CurveCoefficients,
     Material,
     PaperCurveWeights,
+    PaperSolidWeights,
     PaperWeights,
+    SolidCoefficients,
     SurfaceCoefficients,
     plane_stress,
 )
@@ -268,3 +270,41 @@ def test_rod_constants_go_with_nothing_else() -> None:
     assert "does not go with axial_stiffness" in mistakes(**ROD, poisson_ratio=0.3)["poisson_ratio"]
     assert "is missing beside axial_stiffness" in mistakes(axial_stiffness=1.0)["linear_density"]
     assert "N m2" in mistakes(**ROD, torsional_stiffness=-1.0)["torsional_stiffness"]
+
+
+def test_solids_need_no_thickness() -> None:
+    values = {key: value for key, value in PHYSICAL.items() if key != "thickness"}
+    assert Material(**values).solid() == SolidCoefficients(1000.0, 1e6, 0.3, 0.0)
+    assert Material(**PHYSICAL, inversion_barrier=2e5).solid() == SolidCoefficients(1000.0, 1e6, 0.3, 2e5)
+    assert "Use m," in mistakes(**values)["thickness"]
+
+
+def test_the_papers_weights_of_a_solid_are_six() -> None:
+    six = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    assert Material(density=1000.0, eta=six).solid() == PaperSolidWeights(1000.0, six, 0.0)
+    assert Material(density=1000.0, eta=5.0, inversion_barrier=1.0).solid() == PaperSolidWeights(
+        1000.0, (5.0,) * 6, 1.0
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        (SHELL, "membrane_stiffness = 1000.0: does not describe a solid. Use one of youngs_modulus, eta."),
+        (ORTHOTROPIC, "youngs_modulus = [4000000.0, 1000000.0]: does not go with a solid. Use one number, in Pa"),
+        (PHYSICAL | {"shear_modulus": 1e5}, "shear_modulus = 100000.0: does not go with a solid. Leave out"),
+        (PHYSICAL | {"bending_multipliers": (1.0, 2.0)}, "bending_multipliers = [1.0, 2.0]: does not go with a solid"),
+        ({"eta": 5.0}, "density: is missing beside eta. Use kg/m3"),
+        ({"eta": (1.0, 2.0, 3.0), "density": 1e3}, "eta = [1.0, 2.0, 3.0]: does not go with a solid. Use one number"),
+        (PHYSICAL | {"inversion_barrier": -1.0}, "inversion_barrier = -1.0: must not be negative. Use Pa"),
+    ],
+)  # fmt: skip
+def test_what_is_no_solid_is_refused(values: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        Material(**values).solid()
+    assert str(caught.value).startswith(said)
+
+
+def test_what_only_solids_have_is_refused_for_surfaces() -> None:
+    assert "does not go with a surface" in mistakes(**PHYSICAL, inversion_barrier=1.0)["inversion_barrier"]
+    assert "N/m" in mistakes(areal_density=0.2, eta=(1.0,) * 6)["eta"]

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 DENSITIES: dict[str, Callable[["Body"], float]] = {
     "curve": lambda body: body.material.curve(body.section).linear_density,
     "surface": lambda body: body.material.surface().areal_density,
+    "solid": lambda body: body.material.solid().density,
 }
 """Mass per length [kg/m], area [kg/m2] or volume [kg/m3] of each kind of body that can be simulated."""
 

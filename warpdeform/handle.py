@@ -15,6 +15,8 @@ from warpdeform.forces.force import Force
 from warpdeform.forces.gravity import Gravity
 from warpdeform.forces.obstacle_field import ObstacleField
 from warpdeform.forces.pressure import Pressure
+from warpdeform.forces.solid_coefficients import refuse_inverted
+from warpdeform.forces.solid_elasticity import SolidElasticity
 from warpdeform.forces.springs import Springs
 from warpdeform.forces.surface_elasticity import SurfaceElasticity
 from warpdeform.forces.wind_load import WindLoad
@@ -52,7 +54,18 @@ def _curve(model: Model) -> CurveElasticity:
     )
 
 
-ELASTICITY: dict[str, Callable[[Model], Force]] = {"curve": _curve, "surface": _surface}
+def _solid(model: Model) -> SolidElasticity:
+    body, rest = model.body, model.body.shape.positions
+    if body.material.inversion_barrier:
+        refuse_inverted(model.grid, rest, model.initial_positions)
+    return SolidElasticity(model.grid, model.layout, rest, body.material, model.real, model.device)
+
+
+ELASTICITY: dict[str, Callable[[Model], Force]] = {
+    "curve": _curve,
+    "surface": _surface,
+    "solid": _solid,
+}
 """The elastic energy of each kind of body."""
 WIND: dict[str, Callable[[State, Wind, float], Force]] = {"surface": WindLoad}
 """The force of the air on each kind of body, on the shares `Model.area` of what it meets."""

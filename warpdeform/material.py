@@ -20,6 +20,7 @@ from warpdeform.section import Section
 
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
+Six = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -57,8 +58,13 @@ QUANTITIES = {
     "torsional_stiffness": Quantity(
         "Use N m2 (shear modulus times torsion constant), for example 1e-4.", or_equal=True
     ),
-    "eta": Quantity("Use N/m (a curve: N), one number or [eta11, eta22, eta12], for example 500.", (1, 3)),
+    "eta": Quantity(
+        "Use N/m (a curve: N), one number or [eta11, eta22, eta12], for example 500; of a solid Pa, one number or "
+        "[eta11, eta22, eta33, eta12, eta13, eta23].",
+        (1, 3, 6),
+    ),
     "xi": Quantity("Use N m (a curve: N m2), one number or [xi11, xi22, xi12], or 0.", (1, 3), or_equal=True),
+    "inversion_barrier": Quantity("Use Pa, for example a fifth of youngs_modulus, or 0 for none.", or_equal=True),
     "damping": Quantity("Use 1/s, for example 0.1, or 0 for none.", or_equal=True),
 }
 
@@ -71,10 +77,10 @@ FORMS = {
 """The stiffness that names a form, and the keys that must stand beside it whatever the body is."""
 
 OPTIONAL = {
-    "youngs_modulus": ("shear_modulus", "bending_multipliers", "thickness"),
+    "youngs_modulus": ("shear_modulus", "bending_multipliers", "thickness", "inversion_barrier"),
     "membrane_stiffness": ("shear_stiffness", "bending_stiffness", "bending_multipliers", "thickness"),
     "axial_stiffness": ("bending_stiffness", "torsional_stiffness"),
-    "eta": ("xi", "thickness", "areal_density", "linear_density"),
+    "eta": ("xi", "thickness", "areal_density", "linear_density", "density", "inversion_barrier"),
 }
 """The keys that may stand beside it."""
 
@@ -148,11 +154,43 @@ class PaperCurveWeights:
 
 
 @dataclass(frozen=True)
-class Material:
-    """An elastic material, in exactly one of four forms; SI units; axis 1 is u, axis 2 is v.
+class SolidCoefficients:
+    """Coefficients of the elastic energy of an isotropic solid.
 
     Attributes:
-        density: Mass per volume rho [kg/m3]; physical form.
+        density: Mass per volume [kg/m3].
+        youngs_modulus: E [Pa].
+        poisson_ratio: nu, below 1/2.
+        inversion_barrier: Strength of the barrier against inversion [Pa], 0 for none.
+    """
+
+    density: float
+    youngs_modulus: float
+    poisson_ratio: float
+    inversion_barrier: float
+
+
+@dataclass(frozen=True)
+class PaperSolidWeights:
+    """Weights of the paper's energy of a solid, whose strains have no cross term.
+
+    Attributes:
+        density: Mass per volume [kg/m3].
+        eta: (eta11, eta22, eta33, eta12, eta13, eta23) [Pa] where the parameters are lengths, coefficients of alpha.
+        inversion_barrier: Strength of the barrier against inversion [Pa], 0 for none.
+    """
+
+    density: float
+    eta: Six
+    inversion_barrier: float
+
+
+@dataclass(frozen=True)
+class Material:
+    """An elastic material, in exactly one of four forms; SI units; axis 1 is u, axis 2 is v, axis 3 is w.
+
+    Attributes:
+        density: Mass per volume rho [kg/m3]; physical form, and solids with the paper's weights.
         youngs_modulus: E, or (E1, E2) if orthotropic [Pa]; names the physical form.
         poisson_ratio: nu, or nu12 if orthotropic: contraction along v over extension along u, pulled along u.
         shear_modulus: G12 [Pa]; physical form; required with (E1, E2).
@@ -167,8 +205,11 @@ class Material:
         linear_density: Mass per length [kg/m]; rod constants, and curves with the paper's weights.
         axial_stiffness: EA [N]; names the form of rod constants.
         torsional_stiffness: GJ [N m2]; rod constants; absent is that of a round rod of nu = 0, the mean EI.
-        eta: eta, or (eta11, eta22, eta12) [N/m]; of a curve, eta [N]; names the form of the paper's weights.
+        eta: eta, or (eta11, eta22, eta12) [N/m]; of a curve eta [N]; of a solid eta, or (eta11, eta22, eta33, eta12,
+            eta13, eta23) [Pa]; names the form of the paper's weights.
         xi: xi, or (xi11, xi22, xi12) [N m]; of a curve, xi [N m2]; the paper's weights; 0 or absent: no bending.
+        inversion_barrier: Strength of the barrier that keeps the cells of a solid from turning inside out [Pa]; about
+            a fifth of E is enough; 0 or absent: none.
         damping: Mass-proportional damping gamma/mu [1/s].
         name: Name in messages.
         source: Where the numbers come from.
@@ -190,8 +231,9 @@ class Material:
     linear_density: float | None = None
     axial_stiffness: float | None = None
     torsional_stiffness: float | None = None
-    eta: float | Triple | None = None
+    eta: float | Triple | Six | None = None
     xi: float | Triple | None = None
+    inversion_barrier: float | None = None
     damping: float = 0.0
     name: str = ""
     source: str = ""
@@ -230,6 +272,8 @@ class Material:
             InputError: The form is not one of surfaces, or what a surface needs beside it is missing.
         """
         self._check_body("surface", {"youngs_modulus": "thickness", "membrane_stiffness": "", "eta": "areal_density"})
+        if isinstance(self.eta, tuple) and len(self.eta) != 3:
+            raise InputError(_foreign("eta", self.eta, "surface", "Use one number or [eta11, eta22, eta12], in N/m."))
         if self.form == "eta":
             assert self.areal_density is not None
             eta, xi = (_triple(weight) for weight in (self.eta, self.xi))
@@ -276,14 +320,40 @@ class Material:
         torsion = 0.5 * sum(bending) if self.torsional_stiffness is None else self.torsional_stiffness
         return CurveCoefficients(self.linear_density, self.axial_stiffness, bending, torsion)
 
+    def solid(self) -> SolidCoefficients | PaperSolidWeights:
+        """The coefficients of a solid made of this material.
+
+        Raises:
+            InputError: The form is not one of solids, or what a solid needs beside it is missing or does not fit one.
+        """
+        self._check_body("solid", {"youngs_modulus": "", "eta": "density"})
+        assert self.density is not None
+        barrier = self.inversion_barrier or 0.0
+        if self.form == "eta":
+            eta = self.eta if isinstance(self.eta, tuple) else (self.eta or 0.0,) * 6
+            if len(eta) != 6:
+                remedy = "Use one number or [eta11, eta22, eta33, eta12, eta13, eta23], in Pa."
+                raise InputError(_foreign("eta", eta, "solid", remedy))
+            return PaperSolidWeights(self.density, eta, barrier)
+        if isinstance(self.youngs_modulus, tuple):
+            remedy = "Use one number, in Pa; solids are isotropic, or take the paper's weights."
+            raise InputError(_foreign("youngs_modulus", self.youngs_modulus, "solid", remedy))
+        for key in ("shear_modulus", "bending_multipliers"):
+            if getattr(self, key) is not None:
+                raise InputError(_foreign(key, getattr(self, key), "solid", f"Leave out {key}: solids are isotropic."))
+        assert self.youngs_modulus is not None
+        return SolidCoefficients(self.density, self.youngs_modulus, self.poisson_ratio or 0.0, barrier)
+
     def _check_body(self, kind: str, needed: dict[str, str]) -> None:
-        """Refuse a form that does not describe such a body, and one that lacks the key that such a body needs."""
+        """Refuse a form that does not describe such a body, lacks the key that it needs, or has one that it cannot."""
         if self.form not in needed:
             problem, remedy = f"does not describe a {kind}", f"Use one of {', '.join(needed)}."
             raise InputError(Mistake(self.form, getattr(self, self.form), problem, remedy))
         key = needed[self.form]
         if key and getattr(self, key) is None:
             raise InputError(Mistake(key, None, f"is missing beside {self.form}", QUANTITIES[key].remedy))
+        if kind != "solid" and self.inversion_barrier is not None:
+            raise InputError(_foreign("inversion_barrier", self.inversion_barrier, kind, "Leave it out."))
 
     def _single(self, key: str) -> float:
         """The value of a key that must be one number where a curve is meant; 0 if it is not given."""
@@ -332,7 +402,7 @@ class Material:
             remedy = (
                 "Give either youngs_modulus with density, poisson_ratio and thickness, or membrane_stiffness with "
                 "areal_density, poisson_ratio and bending_stiffness, or axial_stiffness with linear_density and "
-                "bending_stiffness, or eta with areal_density or linear_density, and xi."
+                "bending_stiffness, or eta with xi, and areal_density, linear_density or density."
             )
             return [Mistake(key, value, problem, remedy)]
         form = named[0]
@@ -388,7 +458,11 @@ def _listed(words: list[str]) -> str:
     return ", ".join(words[:-1]) + " and " + words[-1]
 
 
-_COUNTED = {1: "one number", 2: "two numbers", 3: "three numbers"}
+def _foreign(key: str, value: object, kind: str, remedy: str) -> Mistake:
+    return Mistake(key, value, f"does not go with a {kind}", remedy)
+
+
+_COUNTED = {1: "one number", 2: "two numbers", 3: "three numbers", 6: "six numbers"}
 
 
 def _numbers(value: object) -> tuple[float, ...] | None:
@@ -410,8 +484,8 @@ def _pair(value: float | Pair | None) -> Pair:
     return value if isinstance(value, tuple) else (value or 0.0, value or 0.0)
 
 
-def _triple(value: float | Triple | None) -> Triple:
-    return value if isinstance(value, tuple) else (value or 0.0, value or 0.0, value or 0.0)
+def _triple(value: float | Triple | Six | None) -> Triple:
+    return (value[0], value[1], value[2]) if isinstance(value, tuple) else (value or 0.0, value or 0.0, value or 0.0)
 
 
 _CLOTH_DATA = "Wang, O'Brien, Ramamoorthi, Data-Driven Elastic Models for Cloth, SIGGRAPH 2011"

@@ -39,7 +39,11 @@ class Result(Protocol):
 @bench.command()
 @ending_well
 def kernels(
-    sizes: Sizes = "64,128,256,512",
+    sizes: Annotated[
+        str | None,
+        typer.Option("--sizes", metavar="N,N,...", help="Nodes along each side; 64 to 512, of blocks 17 to 65."),
+    ] = None,
+    solid: Annotated[bool, typer.Option("--solid", help="Blocks instead of sheets.")] = False,
     precision: Precision = None,
     repeats: Repeats = 30,
     device: BenchDevice = "cpu",
@@ -52,11 +56,12 @@ def kernels(
         from warpdeform.study.bench.kernels import bench_kernels
 
         return bench_kernels(
-            _numbers("--sizes", sizes),
+            _numbers("--sizes", sizes or ("17,33,65" if solid else "64,128,256,512")),
             precision=_checked(precision),
             repeats=repeats,
             device=device,
             core=core,
+            solid=solid,
             said=_say,
         )
 

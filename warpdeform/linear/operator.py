@@ -94,13 +94,13 @@ class GridOperator:
             inputs: Arguments of the kernel after those that the operator knows.
         """
         first, body = self.terms[0], self.body
-        own = (first.fluxes, body.mass if self.blocks is None else self.blocks, self.inertia)
+        own = (body.layout.first_row, first.fluxes, body.mass if self.blocks is None else self.blocks, self.inertia)
         kernel = getattr(self._kernels, name)
         launch_in_bands(
             body.layout,
             [first.fluxes.arrays[buffer] for buffer in first.fluxes.buffers],
             lambda: first.write_fluxes(body, p),
-            lambda: launch_lanes(kernel, body.layout, *own, *inputs, device=body.device),
+            lambda: launch_lanes(kernel, body.layout, *own, *inputs, device=body.device, inner=True),
             body.device,
         )
 
