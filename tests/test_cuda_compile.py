@@ -26,7 +26,8 @@ from warpdeform.kernels.surface import surface
 Compile = Callable[[list[wp.Kernel], int], bytes]
 
 VALUES: dict[Any, list[Any]] = {
-    "width": [1], "real": [wp.float32, wp.float64], "strains": [0, 2, 3], bool: [False, True],
+    "width": [1], "real": [wp.float32, wp.float64], "strains": [0, 2, 3], "kind": ["curve", "surface", "solid"],
+    bool: [False, True],
 }  # fmt: skip
 """What is passed for the parameters of a factory, by name or by annotation."""
 GATHERINGS: list[Callable[[int, Any], Gathering]] = [

@@ -20,6 +20,7 @@ from warpdeform.forces.solid_elasticity import SolidElasticity
 from warpdeform.forces.springs import Springs
 from warpdeform.forces.surface_elasticity import SurfaceElasticity
 from warpdeform.forces.wind_load import WindLoad
+from warpdeform.measure import exposed_shares
 from warpdeform.model import Model
 from warpdeform.obstacle import Obstacle
 from warpdeform.result import Energy
@@ -67,8 +68,6 @@ ELASTICITY: dict[str, Callable[[Model], Force]] = {
     "solid": _solid,
 }
 """The elastic energy of each kind of body."""
-WIND: dict[str, Callable[[State, Wind, float], Force]] = {"surface": WindLoad}
-"""The force of the air on each kind of body, on the shares `Model.area` of what it meets."""
 
 
 class BodyHandle:
@@ -103,8 +102,10 @@ class BodyHandle:
             terms.append(Springs(state, body.springs, model.initial_positions, body.kind))
         if body.drag + body.material.damping > 0:
             terms.append(Drag(state, body.drag + body.material.damping))
-        if wind is not None and body.wind_coefficient > 0 and body.kind in WIND:
-            terms.append(WIND[body.kind](state, wind, body.wind_coefficient))
+        if wind is not None and body.wind_coefficient > 0:
+            faces = exposed_shares(model.grid, body.shape.positions, body.diameter)
+            if faces.any():
+                terms.append(WindLoad(state, wind, body.wind_coefficient, body.kind, faces))
         if body.pressure:
             terms.append(Pressure(state, body.pressure, body.shape.positions))
         if obstacles:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from warpdeform.body import Body, rotate
 from warpdeform.grid import Layout, ParameterGrid
-from warpdeform.measure import exposed_shares, node_measures
+from warpdeform.measure import node_measures
 from warpdeform.selectors import select_nodes
 
 Array = NDArray[np.float64]
@@ -34,8 +34,6 @@ class Model:
         lengths: Mean rest lengths of the edges along each axis [m]; infinite where nothing connects nodes.
         has_pins: Some nodes are pinned.
         mass: Node masses [kg] on the device, shape (1, rows, columns).
-        area: Node shares of what the outer world meets [m2], shape (1, rows, columns): the area of surfaces, the skin
-            of solids, length times diameter of curves.
         free: 1 at free nodes, 0 at pinned ones and outside, shape (1, rows, columns).
         target: Where pinned nodes are held [m], shape (3, rows, columns); zero elsewhere.
     """
@@ -66,7 +64,6 @@ class Model:
         self.has_pins = bool(self._pinned)
         self._let_go = 0
         self.mass = self.upload(self.node_mass)
-        self.area = self.upload(exposed_shares(grid, rest, body.diameter))
         self.free = self.upload(self._free_nodes(0.0))
         self._targets = np.zeros((*body.nodes, 3))
         self.pins_move = any(pin.track is not None and not pin.track.static for pin in body.pins)

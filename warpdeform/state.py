@@ -35,7 +35,7 @@ class State:
         self.model = model
         self.layout, self.real, self.lane_width = model.layout, model.real, model.lane_width
         self.device = model.device
-        self.mass, self.area, self.free = model.mass, model.area, model.free
+        self.mass, self.free = model.mass, model.free
         self.iteration = iteration
         self.x, self.v, self.x_before, self.v_before = (model.zeros(3) for _ in range(4))
         self.w, self.y, self.z = (model.zeros(3) for _ in range(3))

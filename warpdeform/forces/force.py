@@ -34,8 +34,6 @@ class BodyArrays(GridArrays, Protocol):
     """Accepted position at the start of the step [m], shape (3, rows, columns)."""
     w: wp.array
     """Base of the stage velocity (z - w) / tau [m], shape (3, rows, columns)."""
-    area: wp.array
-    """Node shares of the rest area [m2], trapezoid weights, shape (1, rows, columns)."""
     iteration: wp.array
     """Newton iteration of this step, int32, shape (1,)."""
     partials: wp.array

@@ -11,6 +11,7 @@ import numpy as np
 from warpdeform.usd.curves import CurveSet
 from warpdeform.usd.description import BodyDescription
 from warpdeform.usd.frames import FrameWriter
+from warpdeform.usd.solid import SolidBlock
 from warpdeform.usd.surface import SurfaceMesh
 
 if TYPE_CHECKING:
@@ -53,7 +54,18 @@ def drawn_radius(body: Body) -> float:
     return float(np.linalg.norm(np.diff(body.shape.positions[:, 0], axis=0), axis=-1).sum()) / 200.0
 
 
-_KINDS: dict[str, Callable[[Body], BodyDescription]] = {"curve": _curve, "surface": _surface}
+def _solid(body: Body) -> BodyDescription:
+    nodes, periodic = body.nodes, body.shape.periodic
+    return SolidBlock(
+        body.name,
+        (nodes[0], nodes[1], nodes[2]),
+        periodic=(periodic[0], periodic[1], periodic[2]),
+        color=body.color,
+        roughness=body.roughness,
+    )
+
+
+_KINDS: dict[str, Callable[[Body], BodyDescription]] = {"curve": _curve, "surface": _surface, "solid": _solid}
 
 
 class Recorder(FrameWriter):
