@@ -153,7 +153,7 @@ class Surface:
 
     def __init__(self, rest: RestShape, material: Material, real: Any = wp.float64, lane_width: int = 1) -> None:
         self.real, self.nodes, self.rest = real, rest.nodes, rest.positions
-        self.layout = Layout(rest.nodes, lane_width, rest.periodic)
+        self.layout = Layout(rest.nodes, lane_width, rest.periodic, rest.poles)
         self.force = SurfaceElasticity(rest.grid, self.layout, rest.positions, material, real, "cpu")
 
     def upload(self, values: Array) -> wp.array:

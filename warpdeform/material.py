@@ -8,14 +8,18 @@ A material is given in exactly one of three forms, told apart by the stiffness t
 """
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpdeform.errors import InputError, Mistake
 
+Array = NDArray[np.float64]
+Number = float | Array
+"""One number, or an array of them where a material varies."""
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
 
@@ -72,6 +76,8 @@ OPTIONAL = {
 class SurfaceCoefficients:
     """Coefficients of the elastic shell energy in an orthonormal frame of the rest surface.
 
+    Where the material varies they are arrays over the places that they belong to, whose axes come first.
+
     Attributes:
         areal_density: Mass per area [kg/m2].
         membrane: Membrane stiffness [N/m], shape (3, 3), for the strains (E11, E22, 2 E12).
@@ -80,16 +86,34 @@ class SurfaceCoefficients:
         thickness: Thickness [m], 0 if unknown.
     """
 
-    areal_density: float
-    membrane: NDArray[np.float64]
-    membrane_modes: Pair
-    bending: NDArray[np.float64]
-    thickness: float
+    areal_density: Number
+    membrane: Array
+    membrane_modes: tuple[Number, Number]
+    bending: Array
+    thickness: Number
+
+    def mapped(self, function: Callable[[Array], Array]) -> "SurfaceCoefficients":
+        """The same with a function applied to all arrays that vary: it takes and gives the axes of places first."""
+        return SurfaceCoefficients(
+            _mapped(self.areal_density, 0, function),
+            _mapped(self.membrane, 2, function),
+            (_mapped(self.membrane_modes[0], 0, function), _mapped(self.membrane_modes[1], 0, function)),
+            _mapped(self.bending, 2, function),
+            _mapped(self.thickness, 0, function),
+        )
+
+    def exchanged(self) -> "SurfaceCoefficients":
+        """The same with the axes exchanged."""
+        swap = np.ix_([1, 0, 2], [1, 0, 2])
+        membrane, bending = self.membrane[..., *swap], self.bending[..., *swap]
+        return replace(self, membrane=membrane, membrane_modes=self.membrane_modes[::-1], bending=bending)
 
 
 @dataclass(frozen=True)
 class PaperWeights:
     """Weights of the paper's energy, whose strains have no cross term (design 1.3).
+
+    Where they vary they are arrays over the places that they belong to.
 
     Attributes:
         areal_density: Mass per area [kg/m2].
@@ -98,10 +122,21 @@ class PaperWeights:
         thickness: Thickness [m], 0 if unknown.
     """
 
-    areal_density: float
-    eta: Triple
-    xi: Triple
-    thickness: float
+    areal_density: Number
+    eta: tuple[Number, Number, Number]
+    xi: tuple[Number, Number, Number]
+    thickness: Number
+
+    def mapped(self, function: Callable[[Array], Array]) -> "PaperWeights":
+        """The same with a function applied to all arrays that vary."""
+        eta, xi = ([_mapped(weight, 0, function) for weight in weights] for weights in (self.eta, self.xi))
+        density, thickness = (_mapped(value, 0, function) for value in (self.areal_density, self.thickness))
+        return PaperWeights(density, (eta[0], eta[1], eta[2]), (xi[0], xi[1], xi[2]), thickness)
+
+    def exchanged(self) -> "PaperWeights":
+        """The same with the axes exchanged."""
+        (eta1, eta2, eta12), (xi1, xi2, xi12) = self.eta, self.xi
+        return replace(self, eta=(eta2, eta1, eta12), xi=(xi2, xi1, xi12))
 
 
 @dataclass(frozen=True)
@@ -264,6 +299,11 @@ class Material:
         problem = f"must lie within +-{bound:.3g}: nu12 nu21 = nu12^2 E2/E1 stays below 1, or stretching frees energy"
         remedy = f"Use 0 to {0.98 * min(bound, 0.5):.2g}."
         return [] if abs(nu) < bound else [Mistake("poisson_ratio", nu, problem, remedy)]
+
+
+def _mapped(value: Any, rank: int, function: Callable[[Array], Array]) -> Any:
+    """The function of a coefficient of that rank if it varies, else the coefficient."""
+    return value if np.ndim(value) == rank else function(value)
 
 
 def plane_stress(e1: float, e2: float, nu12: float, shear: float | None) -> NDArray[np.float64]:

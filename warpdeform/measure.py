@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from warpdeform.grid import ParameterGrid
+from warpdeform.grid import ParameterGrid, ring_at
 
 Array = NDArray[np.float64]
 
@@ -30,9 +30,67 @@ def mean_edges(grid: ParameterGrid, positions: Array) -> list[Array]:
     return found
 
 
-def node_measures(grid: ParameterGrid, positions: Array) -> Array:
-    """Node shares of length, area or volume, trapezoid weights, shape (*nodes)."""
-    return grid.cells_to_nodes(cell_measures(grid, positions))
+def node_measures(grid: ParameterGrid, positions: Array, density: Array | float = 1.0) -> Array:
+    """Node shares of length, area or volume, trapezoid weights, shape (*nodes).
+
+    Args:
+        grid: Parameter grid.
+        positions: Rest positions [m], shape (*nodes, 3).
+        density: What a length, area or volume counts: a number, or one for each cell, shape (*cells).
+    """
+    measures = cell_measures(grid, positions)
+    if not any(grid.poles):
+        return grid.cells_to_nodes(density * measures)
+    shares = np.zeros(grid.nodes)
+    for corner, measure in corner_measures(grid, positions).items():
+        shares[grid.corner_of_cells(corner)] += density * measure
+    beside = grid.cells_to_nodes(density + 0.0 * measures) / grid.cells_to_nodes(np.ones_like(measures))
+    return shares + beside * pole_measures(grid, positions)
+
+
+def corner_measures(grid: ParameterGrid, positions: Array) -> dict[tuple[int, int], Array]:
+    """What each corner of the cells of a surface gets of their areas [m2], shape (*cells) each.
+
+    Towards a pole cells narrow so fast that their quarters differ: there a corner gets the quarter that lies around it.
+    Equal quarters would give the nodes around a pole a quarter too much, and even bending would leave forces there.
+    """
+    areas = cell_measures(grid, positions)
+    quarters = dict.fromkeys(((0, 0), (1, 0), (0, 1), (1, 1)), 0.25 * areas)
+    if any(grid.poles):
+        along, around = grid.periodic.index(False), grid.periodic.index(True)
+        across = np.linalg.norm(grid.differences(positions, around), axis=-1)
+        near, far = np.delete(across, -1, axis=along), np.delete(across, 0, axis=along)
+        moved = 0.125 * areas * (far - near) / (far + near)
+        for corner in quarters:
+            quarters[corner] = quarters[corner] + (moved if corner[along] else -moved)
+    return quarters
+
+
+def pole_measures(grid: ParameterGrid, positions: Array) -> Array:
+    """Areas of what closes the poles of a surface, shared among the nodes around them [m2], shape (*nodes)."""
+    shares = np.zeros(grid.nodes)
+    for ring in grid.rings:
+        r00, r10, r01, r11 = strip_corners(positions[tuple(ring.T)])
+        areas = np.tile(np.linalg.norm(np.cross(r11 - r00, r01 - r10), axis=-1) / 2.0, 2)
+        shares[tuple(ring.T)] = (areas + np.roll(areas, 1)) / 8.0
+    return shares
+
+
+def strip_corners(ring: Array) -> Array:
+    """Corners of the strips that close a pole: quads from an edge around it to the edge on the other side.
+
+    Strip k has the corners r00, r10, r01, r11 at the nodes k, k + 1, k + 1 + n/2 and k + n/2; strip k + n/2 is the same
+    one, seen from its other end. Together they cover what lies within the ring twice: whatever they count is halved.
+
+    Args:
+        ring: Values at the nodes around the pole, shape (n, ...), n even.
+
+    Returns:
+        Values at the corners, shape (4, n/2, ...).
+    """
+    count = len(ring)
+    k = np.arange(count // 2)
+    return np.stack([ring[k], ring[k + 1], ring[(k + 1 + count // 2) % count], ring[k + count // 2]])
 
 
 def exposed_shares(grid: ParameterGrid, positions: Array, diameter: float = 0.0) -> Array:
@@ -91,8 +149,6 @@ def rims_of(nodes: tuple[int, ...], periodic: tuple[bool, ...]) -> tuple[NDArray
     if all(periodic):
         return np.zeros((0, 1, 2), dtype=np.int64), np.zeros(0)
     around = periodic.index(True)
-    rims = np.zeros((2, nodes[around], 2), dtype=np.int64)
-    rims[:, :, around] = np.arange(nodes[around])
-    rims[1, :, 1 - around] = nodes[1 - around] - 1
+    rims = np.stack([ring_at(nodes, periodic, end) for end in (0, -1)])
     # Cells are r00, r10, r11, r01: along +u at the start of v, along -v at the start of u.
     return rims, np.array([-1.0, 1.0] if around == 0 else [1.0, -1.0])

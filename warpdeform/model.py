@@ -54,7 +54,7 @@ class Model:
         self.real: Any = wp.float32 if precision == "float32" else wp.float64
         self.lane_width = lane_width or (1 if device.is_cuda else LANE_WIDTHS[precision])
         grid = self.grid = body.shape.grid
-        self.layout = Layout(body.nodes, self.lane_width, grid.periodic)
+        self.layout = Layout(body.nodes, self.lane_width, grid.periodic, grid.poles)
         self.initial_positions = body.placed_positions()
         rest = body.shape.positions
         self.node_mass = body.density * node_measures(grid, rest)

@@ -9,7 +9,7 @@ import pytest
 import warp as wp
 from numpy.typing import NDArray
 
-from warpdeform.forces.surface_coefficients import difference_weights
+from warpdeform.forces.surface_bending import difference_weights
 from warpdeform.grid import Layout
 from warpdeform.kernels import loads
 

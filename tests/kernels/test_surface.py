@@ -22,7 +22,7 @@ from surfaces import (
     noise,
 )
 
-from warpdeform.forces.surface_coefficients import difference_weights
+from warpdeform.forces.surface_bending import difference_weights
 from warpdeform.grid import Layout
 from warpdeform.kernels.surface import (
     FLEXURE_COMPONENTS,

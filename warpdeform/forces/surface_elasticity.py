@@ -7,7 +7,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpdeform.forces.force import BodyArrays, Coarsening, CoarseTerm, Force, GridArrays
-from warpdeform.forces.surface_coefficients import SurfaceStiffness, difference_weights, surface_stiffness
+from warpdeform.forces.pole_cap import PoleCap
+from warpdeform.forces.surface_bending import difference_weights
+from warpdeform.forces.surface_coefficients import SurfaceStiffness, surface_stiffness
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.halo import Halo
 from warpdeform.kernels import surface as kernels
@@ -88,11 +90,18 @@ class SurfaceElasticity(Force):
         self._cell_floor, self._node_floor = real(self.stiffness.cell_floor), real(self.stiffness.node_floor)
         # The same coefficients for kernels that read those of their neighbours.
         self._halo = Halo(layout, real, device)
-        self._K = self._halo.surrounded(self.K)
-        self._K12 = self._halo.surrounded(self.K12) if self.bending else self.K12
+        self._K = self._halo.surrounded(self.K, cells=True)
+        self._K12 = self._halo.surrounded(self.K12, cells=True) if self.bending else self.K12
         self._KB = self._halo.surrounded(self.KB) if self.bending else self.KB
-        self._KC = self._halo.surrounded(self.KC) if self.coupled else self.KC
-        self.measure(upload(rest), self.q0, self.b0)
+        self._KC = self._halo.surrounded(self.KC, cells=True) if self.coupled else self.KC
+        # Behind a pole the tangents, and with them Gamma^1 and Gamma^2, point the other way; i + 1 stands for i - 1.
+        self._flexure_turning = self._halo.turning(range(kernels.FLEXURE_COMPONENTS), [1, 1, 1, -1, -1, -1, -1])
+        self._scatter_turning = self._halo.turning([1, 0, 3, 2], [1, 1, 1, 1])
+        self.cap = PoleCap(layout, self.stiffness.strips, real, device) if any(layout.poles) else None
+        position = upload(rest)
+        self.measure(position, self.q0, self.b0)
+        if self.cap is not None:
+            self.cap.measure(position, self.cap.q0)
 
     @property
     def kernels(self) -> tuple[str, ...]:
@@ -103,14 +112,15 @@ class SurfaceElasticity(Force):
         if self.coupled:
             names.remove("surface.product_nodes")
             names += [f"surface_coupling.{name}" for name in COUPLING_KERNELS]
-        return tuple(names)
+        return (*names, *(self.cap.kernels if self.cap is not None else ()))
 
     def bytes(self) -> int:
         """Device memory that the term keeps [bytes]."""
         arrays = [self.q0, self.tension, self.flux, self.b0, self.twist, self.flexure, self.scatter, self.change]
         arrays += [self.K, self.K12, self.KB, self.KC, self._K, self._K12, self._KB, self._KC]
         arrays += [self.alpha_u, self.alpha_v]
-        return sum({a.ptr: a.capacity for a in arrays}.values()) + self._halo.bytes()
+        own = sum({a.ptr: a.capacity for a in arrays}.values()) + self._halo.bytes()
+        return own + (self.cap.bytes() if self.cap is not None else 0)
 
     def _launch(self, kernel: Any, *arguments: Any) -> None:
         launch_lanes(kernel, self._layout, *arguments, device=self._device)
@@ -128,6 +138,8 @@ class SurfaceElasticity(Force):
         kernel = surface_levels(self._lane_width, self._real).average_tension
         ratio = self._real(transfer.growth[0] / transfer.growth[1])
         coarse._launch(kernel, Whole(self.tension), transfer.cells, ratio, coarse.tension)
+        if self.cap is not None and coarse.cap is not None:
+            self.cap.coarsen(transfer.growth[self._layout.periodic.index(True)], coarse.cap)
 
     def measure(self, position: wp.array, q_out: wp.array, b_out: wp.array) -> None:
         """Strain numbers q, shape (5, rows, columns), and curvature numbers b, shape (3, rows, columns), of a shape."""
@@ -153,15 +165,17 @@ class SurfaceElasticity(Force):
             self._measure_change(position)
             self._couple()
         if self.bending:
-            self._halo.refresh(self.flexure)
+            self._halo.refresh_turned(self.flexure, self._flexure_turning)
         self._refresh_stresses()
+        if self.cap is not None:
+            self.cap.linearise(position, self.flux)
         self._position = position
 
     def _refresh_stresses(self) -> None:
         """What the forces are gathered from."""
-        self._halo.refresh(self.flux)
+        self._halo.refresh_cells(self.flux)
         if self.bending:
-            self._halo.refresh(self.scatter)
+            self._halo.refresh_turned(self.scatter, self._scatter_turning)
 
     def _measure_change(self, position: wp.array) -> None:
         """Changes of b since rest."""
@@ -191,6 +205,8 @@ class SurfaceElasticity(Force):
             self._measure_change(position)
             self._halo.refresh(self.change)
             self._launch(self._coupling.energy_coupling, self.KC, self.change, partials)
+        if self.cap is not None:
+            self.cap.add_energy(position, partials)
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the exact derivative of the energy; uses the stresses of `linearise` (before any Hessian product)."""
@@ -210,6 +226,8 @@ class SurfaceElasticity(Force):
         elif self.bending:
             self._launch(k.product_nodes, self.KB, self.alpha_u, self.alpha_v, self.flexure, direction, scatter)
         self._refresh_stresses()
+        if self.cap is not None:
+            self.cap.write_fluxes(self._position, direction, self.flux)
 
     def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
         """Add the projected Hessian times `direction`; what the halo gets of it is for the mask of pins to clear."""
@@ -219,9 +237,10 @@ class SurfaceElasticity(Force):
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian."""
         k = surface_blocks(self._lane_width, self._real, self.stiffness.orthogonal, self.bending)
-        self._halo.refresh(self._position, self.tension)
+        self._halo.refresh(self._position)
+        self._halo.refresh_cells(self.tension)
         if self.bending:
-            self._halo.refresh(self.twist)
+            self._halo.refresh_cells(self.twist)
         self._launch(k.block_cells, self._position, self._K, self.tension, self._K12, self.twist, blocks)
         if self.bending:
             self._launch(k.block_nodes, self._KB, self.alpha_u, self.alpha_v, self.flexure, blocks)
@@ -230,3 +249,5 @@ class SurfaceElasticity(Force):
                 self._coupling.block_coupling, self._KC, self.alpha_u, self.alpha_v, self.flexure, self.twist, blocks
             )
         self._halo.clear(blocks)
+        if self.cap is not None:
+            self.cap.add_block_diagonal(self._position, blocks)

@@ -5,7 +5,7 @@ import warp as wp
 
 from warpdeform.forces.force import LAGGED_ITERATIONS, BodyArrays, Force
 from warpdeform.forces.parameters import Parameters
-from warpdeform.forces.surface_coefficients import difference_weights
+from warpdeform.forces.surface_bending import difference_weights
 from warpdeform.halo import Halo
 from warpdeform.kernels.loads import FACING_COMPONENTS, gusts, wind
 from warpdeform.launching import launch_lanes

@@ -72,7 +72,7 @@ class Transfer:
 
     def __init__(self, fine: ParameterGrid, fine_layout: Layout, coarse: ParameterGrid, real: Any, device: Any) -> None:
         self.coarse, self._real, self._device = coarse, real, device
-        self.layout = Layout(coarse.nodes, fine_layout.lane_width, coarse.periodic)
+        self.layout = Layout(coarse.nodes, fine_layout.lane_width, coarse.periodic, coarse.poles)
         wraps = [p or axis >= fine.dimension for axis, p in enumerate(fine.periodic)]
         steps = list(zip(fine.cells, coarse.cells, wraps, strict=True))
         self.growth = tuple(f / c for f, c, _ in steps)
