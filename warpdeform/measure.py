@@ -119,23 +119,38 @@ def exposed_shares(grid: ParameterGrid, positions: Array, diameter: float = 0.0)
     return shares
 
 
-def enclosed_volume(periodic: tuple[bool, ...], positions: Array) -> float:
+def enclosed_volume(periodic: tuple[bool, ...], positions: Array, poles: tuple[bool, bool] = (False, False)) -> float:
     """Volume that a closed surface encloses [m3], ends of an open axis capped; positive if normals point outwards.
+
+    Between two poles it is taken from the nodes and from the cells' centres (:mod:`warpdeform.kernels.pressure`).
 
     Args:
         periodic: Axes that close: both, or one.
         positions: Node positions [m], shape (nu, nv, 3).
+        poles: Ends of the open axis that close at a pole.
     """
     grid = ParameterGrid(positions.shape[:2], (1.0, 1.0), periodic)
     r = positions - positions.mean(axis=(0, 1))
+    rims = [r[tuple(ring_at(grid.nodes, periodic, end).T)] for end in (0, -1)] if not all(periodic) else []
+    apexes = [rim.mean(axis=0) for rim in rims]
+    volume = _volume_within(grid, r, apexes)
+    if not all(poles):
+        return volume
+    centres = grid.means(grid.means(r, 0), 1)
+    dual = ParameterGrid(centres.shape[:2], (1.0, 1.0), periodic)
+    return (4.0 * volume - _volume_within(dual, centres, apexes)) / 3.0
+
+
+def _volume_within(grid: ParameterGrid, r: Array, apexes: list[Array]) -> float:
+    """Volume within bilinear cells and, at the ends of an open axis, fans of triangles to the apexes [m3]."""
     m1, m2 = mean_edges(grid, r)
     centre = grid.means(grid.means(r, 0), 1)
     volume = float(np.sum(centre * np.cross(m1, m2))) / 3.0
-    rims, turns = rims_of(grid.nodes, periodic)
-    for rim, turn in zip(rims, turns, strict=True):
+    rims, turns = rims_of(grid.nodes, grid.periodic)
+    for rim, turn, apex in zip(rims, turns, apexes, strict=True):
         points = r[rim[:, 0], rim[:, 1]]
         around = np.cross(points, np.roll(points, -1, axis=0)).sum(axis=0)
-        volume += float(turn * np.dot(points.mean(axis=0), around)) / 6.0
+        volume += float(turn * np.dot(apex, around)) / 6.0
     return volume
 
 
