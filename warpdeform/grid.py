@@ -8,6 +8,11 @@ from numpy.typing import NDArray
 
 MOST_GROWTH = 2.2
 """Largest growth of the spacing from a grid of a multigrid hierarchy to the next."""
+AROUND_POLES = 0.3
+"""Part of the mean distance of neighbours around poles at which grids are coarsened: beside the poles they are closer.
+
+Without it a sphere of 128 x 64 nodes takes up to 111 iterations, with it 26.
+"""
 
 
 @dataclass(frozen=True)
@@ -53,7 +58,8 @@ class ParameterGrid:
         as the closest of them, so that stretched grids grow square before they grow coarse (design 7.1). Nodes stay
         equally spaced, so that the kernels of the fine grid serve the coarse one; they need not coincide with fine
         nodes. Half the nodes, rounded up, keep whole lane groups whole (64, 32, 16); where that would widen the spacing
-        by more than `MOST_GROWTH` it is half the cells, rounded up. Around poles the number stays even.
+        by more than `MOST_GROWTH` it is half the cells, rounded up. Around
+        poles the number stays even.
 
         Args:
             lengths: Mean distance of neighbours along each axis [m].
@@ -65,6 +71,10 @@ class ParameterGrid:
         open_axes = [k < self.dimension and self.nodes[k] > (4 if self.periodic[k] else 3) for k in axes]
         if not any(open_axes):
             return None
+        if any(self.poles):
+            lengths = tuple(
+                length * (AROUND_POLES if wraps else 1.0) for length, wraps in zip(lengths, self.periodic, strict=True)
+            )
         limit = 2.0 * min(lengths[k] for k in axes if open_axes[k])
         nodes, spacing = [], []
         for axis, cells in enumerate(self.cells):
