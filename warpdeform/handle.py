@@ -138,7 +138,8 @@ class BodyHandle:
         elasticity.measure(self.state.x, self.model.zeros(5), b)
         b11, b22, b12 = np.moveaxis(self.model.download(b), -1, 0)
         h1, h2 = grid.spacing
-        inside_u, inside_v = (slice(None) if wraps else slice(1, -1) for wraps in grid.periodic)
+        start, end = (None if pole else cut for pole, cut in zip(grid.poles, (1, -1), strict=True))
+        inside_u, inside_v = (slice(None) if wraps else slice(start, end) for wraps in grid.periodic)
         cells = tuple(slice(count) for count in grid.cells)
         return Curvature(b11[inside_u] / h1**2, b12[cells] / (h1 * h2), b22[:, inside_v] / h2**2)
 

@@ -5,18 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from surfaces import (
-    CASES,
-    GRIDS,
-    MATERIALS,
-    SHAPES,
-    design_energy,
-    existing,
-    mean_edges,
-    membrane_numbers,
-    node_weights,
-    parallelogram,
-)
+from surface_energy import design_energy, existing, mean_edges, membrane_numbers, node_weights
+from surfaces import CASES, GRIDS, MATERIALS, SHAPES, parallelogram
 
 from warpdeform.errors import InputError
 from warpdeform.forces.surface_coefficients import SurfaceStiffness, surface_stiffness
