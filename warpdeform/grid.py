@@ -1,7 +1,9 @@
 """The parameter grid of a body and how its nodes lie in device memory."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import product
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,9 +119,23 @@ class ParameterGrid:
         return np.concatenate([values, np.take(values, [0], axis=axis)], axis=axis) if self.periodic[axis] else values
 
     def parameters(self) -> NDArray[np.float64]:
-        """Material coordinates of the nodes, scaled to 0..1 along each axis, shape (*nodes, axes)."""
-        along = (np.arange(n) / max(c, 1) for n, c in zip(self.nodes, self.cells, strict=True))
-        return np.stack(np.meshgrid(*along, indexing="ij"), axis=-1)
+        """Material coordinates of the nodes, scaled to 0..1 along each axis, shape (*nodes, axes); 0 or 1 at a pole."""
+        return self._places([np.arange(count) for count in self.nodes])
+
+    def cell_parameters(self) -> NDArray[np.float64]:
+        """Material coordinates of the middles of the cells, shape (*cells, axes); of strands, their own."""
+        return self._places([
+            np.arange(count) + (0.5 if axis < self.dimension else 0.0) for axis, count in enumerate(self.cells)
+        ])  # fmt: skip
+
+    def _places(self, along: Sequence[NDArray[Any]]) -> NDArray[np.float64]:
+        """Material coordinates at places counted in nodes along each axis."""
+        scaled = []
+        for axis, (places, cells) in enumerate(zip(along, self.cells, strict=True)):
+            start, end = (0.0, 0.0) if self.periodic[axis] else (0.5 * pole for pole in self.poles)
+            steps = cells if axis < self.dimension else self.nodes[axis] - 1
+            scaled.append((places + start) / max(steps + start + end, 1))
+        return np.stack(np.meshgrid(*scaled, indexing="ij"), axis=-1)
 
     def cells_to_nodes(self, cells: NDArray[np.float64]) -> NDArray[np.float64]:
         """Share a quantity of each cell, shape (*cells), equally among its corners: trapezoid weights.

@@ -104,8 +104,8 @@ class SurfaceCoefficients:
 
     def exchanged(self) -> "SurfaceCoefficients":
         """The same with the axes exchanged."""
-        swap = np.ix_([1, 0, 2], [1, 0, 2])
-        membrane, bending = self.membrane[..., *swap], self.bending[..., *swap]
+        swap = [1, 0, 2]
+        membrane, bending = (law[..., swap, :][..., swap] for law in (self.membrane, self.bending))
         return replace(self, membrane=membrane, membrane_modes=self.membrane_modes[::-1], bending=bending)
 
 

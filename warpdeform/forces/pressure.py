@@ -112,10 +112,9 @@ class _Enclosure:
         self._cells_v: wp.array = wp.array(cells_v, dtype=real, device=device)
         rims, turns = rims_of(points, layout.periodic)
         apexes, _ = rims_of(layout.nodes, layout.periodic)
-        self._rims, self._apexes = (
-            wp.array(layout.places(ends.reshape(-1, 2)).reshape(ends.shape), dtype=wp.int32, device=device)
-            for ends in (rims, apexes)
-        )
+        places = [layout.places(ends.reshape(-1, 2)).reshape(ends.shape) for ends in (rims, apexes)]
+        self._rims: wp.array = wp.array(places[0], dtype=wp.int32, device=device)
+        self._apexes: wp.array = wp.array(places[1], dtype=wp.int32, device=device)
         self._count = rims.shape[:2]
         self._turns: wp.array = wp.array(turns, dtype=real, device=device)
         self._measured: wp.array = wp.zeros((self._count[0], 6), dtype=real, device=device)

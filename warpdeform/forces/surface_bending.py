@@ -128,7 +128,7 @@ def _ends(grid: ParameterGrid | Layout, axis: int) -> tuple[bool, bool]:
     return (True, True) if grid.periodic[axis] else grid.poles
 
 
-def _between(grid: ParameterGrid) -> tuple[Array, Array]:
+def _between(grid: ParameterGrid) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Whether nodes have both neighbours along u, shape (nu, 1), and along v, shape (1, nv)."""
     inside1, inside2 = np.ones((grid.nodes[0], 1), bool), np.ones((1, grid.nodes[1]), bool)
     inside1[0, 0], inside1[-1, 0] = _ends(grid, 0)
