@@ -27,6 +27,7 @@ def _surface(body: Body) -> BodyDescription:
         (body.nodes[0], body.nodes[1]),
         periodic=(shape.periodic[0], shape.periodic[1]),
         thickness=body.material.thickness or 0.0,
+        caps=shape.grid.poles,
         color=body.color,
         roughness=body.roughness,
     )
