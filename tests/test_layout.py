@@ -41,6 +41,8 @@ FLOORS = (
         "settings",
         "selectors",
         "tensors",
+        "array_file",
+        "varying",
     },
     {"forces", "linear"},
     {"integrators"},
@@ -49,7 +51,7 @@ FLOORS = (
 )
 """Modules by floor (design 3.2): a module imports its own floor and those below."""
 
-DESCRIPTIONS = ("errors", "material", "shape", "track", "obstacle", "wind", "body", "settings", "result")
+DESCRIPTIONS = ("errors", "varying", "material", "shape", "track", "obstacle", "wind", "body", "settings", "result")
 """What a scene is described with: pure NumPy, so that a command line answers before Warp is loaded."""
 
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}

@@ -16,10 +16,13 @@ from warpdeform.shape import RestShape
 if TYPE_CHECKING:
     from warpdeform.track import Track
 
-DENSITIES: dict[str, Callable[["Body"], float]] = {
-    "surface": lambda body: body.material.surface().areal_density,
+DENSITIES: dict[str, Callable[["Body"], float | NDArray[np.float64]]] = {
+    "surface": lambda body: body.material.surface(body.shape.grid).areal_density,
 }
-"""Mass per length [kg/m], area [kg/m2] or volume [kg/m3] of each kind of body that can be simulated."""
+"""Mass per length [kg/m], area [kg/m2] or volume [kg/m3] of each kind of body that can be simulated.
+
+A number, or one for each cell where the material varies.
+"""
 
 
 @dataclass(frozen=True)
@@ -106,6 +109,9 @@ class Body:
         if kind not in DENSITIES:
             problem, known = f"is a {kind}, which cannot be simulated yet", ", ".join(DENSITIES)
             mistakes.append(Mistake("shape", None, problem, f"Use one of: {known}."))
+        if self.material.varies and kind != "surface":
+            problem, remedy = f"varies, which that of a {kind} cannot yet", "Use one number for each quantity."
+            mistakes.append(Mistake("material", None, problem, remedy))
         if self.section is not None and kind != "curve":
             remedy = "Give a surface's material a thickness."
             mistakes.append(Mistake("section", None, f"does not go with a {kind}", remedy))
@@ -142,14 +148,19 @@ class Body:
         if kind in DENSITIES:
             try:
                 DENSITIES[kind](self)
+                if kind == "surface":
+                    self.material.surface(self.shape.grid, at="nodes")
             except InputError as error:
                 mistakes += [Mistake(f"material.{m.key}", m.value, m.problem, m.remedy) for m in error.mistakes]
         if mistakes:
             raise InputError(mistakes)
 
     @property
-    def density(self) -> float:
-        """Mass per length [kg/m] of a curve, area [kg/m2] of a surface or volume [kg/m3] of a solid."""
+    def density(self) -> float | NDArray[np.float64]:
+        """Mass per length [kg/m] of a curve, area [kg/m2] of a surface or volume [kg/m3] of a solid.
+
+        A number, or one for each cell where the material varies, shape (*cells).
+        """
         return DENSITIES[self.kind](self)
 
     @property

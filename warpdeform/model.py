@@ -57,7 +57,7 @@ class Model:
         self.layout = Layout(body.nodes, self.lane_width, grid.periodic, grid.poles)
         self.initial_positions = body.placed_positions()
         rest = body.shape.positions
-        self.node_mass = body.density * node_measures(grid, rest)
+        self.node_mass = node_measures(grid, rest, body.density)
         self._rest_lengths = _edge_lengths(grid, rest)
         self.spacing = float(min(length.min() for length in self._rest_lengths))
         lengths = [float(length.mean()) for length in self._rest_lengths]

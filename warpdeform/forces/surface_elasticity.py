@@ -1,5 +1,6 @@
 """The elastic energy of a surface: membrane, and bending where the material has it (design 1.3)."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,37 @@ from warpdeform.kernels.surface_blocks import surface_blocks
 from warpdeform.kernels.surface_coupling import CHANGE_COMPONENTS, COUPLING_KERNELS, surface_coupling
 from warpdeform.kernels.surface_levels import surface_levels
 from warpdeform.launching import Buffer, RowStruct, Whole, launch_lanes
-from warpdeform.material import Material
+from warpdeform.material import Material, PaperWeights, SurfaceCoefficients
 
 Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class OnGrid:
+    """A material on a grid.
+
+    Attributes:
+        cells: Its coefficients at the cells.
+        nodes: Its coefficients at the nodes.
+    """
+
+    cells: SurfaceCoefficients | PaperWeights
+    nodes: SurfaceCoefficients | PaperWeights
+
+    @staticmethod
+    def of(material: Material, grid: ParameterGrid) -> "OnGrid":
+        """The material where it belongs."""
+        return OnGrid(material.surface(grid), material.surface(grid, at="nodes"))
+
+    def coarser(self, transfer: Coarsening) -> "OnGrid":
+        """The mean of what varies on the fine grid.
+
+        The arithmetic mean: what a coarse grid moves is interpolated linearly, and then stores the mean of the fine
+        stiffness times its strain squared. The harmonic mean, right for springs in a row, is softer than that by any
+        factor, and corrections by it go as far beyond the mark: where stiffness varies by 1e4 along lines, hems and
+        checks, 65 x 65 nodes take up to 38 iterations with the one and 253 with the other.
+        """
+        return OnGrid(self.cells.mapped(transfer.average_cells), self.nodes.mapped(transfer.average_nodes))
 
 
 class SurfaceElasticity(Force):
@@ -29,7 +58,7 @@ class SurfaceElasticity(Force):
         grid: Parameter grid.
         layout: Memory layout.
         rest: Rest positions [m], shape (nu, nv, 3); G0 and B0 are measured on them by the kernels that measure G and B.
-        material: Material.
+        material: Material; of coarser grids, what it is there on average.
         real: ``wp.float32`` or ``wp.float64``.
         device: Warp device.
         like: Take the variants of the kernels that these coefficients take; None takes those that the chart needs.
@@ -44,13 +73,14 @@ class SurfaceElasticity(Force):
         grid: ParameterGrid,
         layout: Layout,
         rest: Array,
-        material: Material,
+        material: "Material | OnGrid",
         real: Any,
         device: Any,
         like: SurfaceStiffness | None = None,
     ) -> None:
-        self.stiffness: SurfaceStiffness = surface_stiffness(grid, rest, material.surface(), like)
-        self._rest, self._material = rest, material
+        here = material if isinstance(material, OnGrid) else OnGrid.of(material, grid)
+        self.stiffness: SurfaceStiffness = surface_stiffness(grid, rest, here.cells, like, here.nodes)
+        self._rest, self._material = rest, here
         self.bending = self.stiffness.bending is not None
         self.coupled = self.stiffness.coupling is not None
         # A cell's corners; a node and its neighbours; a cell and the neighbours of one of its corners.
@@ -127,9 +157,9 @@ class SurfaceElasticity(Force):
 
     def coarser(self, transfer: Coarsening) -> "SurfaceElasticity":
         """The surface through the coarse nodes, with the kernels of this one."""
-        rest = transfer.sample(self._rest)
+        rest, material = transfer.sample(self._rest), self._material.coarser(transfer)
         return SurfaceElasticity(
-            transfer.coarse, transfer.layout, rest, self._material, self._real, self._device, self.stiffness
+            transfer.coarse, transfer.layout, rest, material, self._real, self._device, self.stiffness
         )
 
     def coarsen(self, transfer: Coarsening, coarse: CoarseTerm) -> None:

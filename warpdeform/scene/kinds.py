@@ -82,6 +82,7 @@ _SHAPE_KEYS: dict[str, tuple[str, str]] = {
     "turns": ("Turns", ""),
     "path": ("A .npy, .npz or .csv file of positions, seen from the scene file", ""),
     "periodic": ("Axes that close, one true or false for each", ""),
+    "poles": ("Whether the start and the end of a surface's open axis close at a pole", ""),
 }
 """Description and unit of the arguments of rest shapes; their types and defaults are those of the functions."""
 

@@ -3,12 +3,12 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpdeform.errors import InputError, Mistake, shown
+from warpdeform.array_file import TABLES, read_array
+from warpdeform.errors import InputError, Mistake
 from warpdeform.grid import ParameterGrid
 from warpdeform.shape.checks import array_mistakes, geometry_mistakes, pole_mistakes
 from warpdeform.shape.numbers import KINDS, checked_nodes, positive
@@ -199,19 +199,4 @@ def read_positions(path: Path) -> Array:
     Raises:
         InputError: A missing or unreadable file.
     """
-    formats = "Use a .npy, .npz or .csv file of positions."
-    if path.suffix not in (".npy", ".npz", ".csv"):
-        raise InputError(Mistake("path", str(path), f'has the unknown suffix "{path.suffix}"', formats))
-    try:
-        if path.suffix == ".csv":
-            table = np.genfromtxt(path, delimiter=",", dtype=np.float64, comments="#", ndmin=2)
-            return table[1:] if np.isnan(table[0]).all() else table
-        loaded = np.load(path, allow_pickle=False)
-        return np.asarray(loaded["positions"] if path.suffix == ".npz" else loaded, dtype=np.float64)
-    except FileNotFoundError:
-        raise InputError(Mistake("path", str(path), "does not exist", "Check the path.")) from None
-    except KeyError:
-        raise InputError(Mistake("path", str(path), 'has no array "positions"', 'Save it as "positions".')) from None
-    except (OSError, ValueError, EOFError, BadZipFile) as error:
-        cause = shown(error)
-        raise InputError(Mistake("path", str(path), f"cannot be read ({cause})", formats)) from None
+    return read_array(path, "path", "positions", f"Use a {', '.join(TABLES[:-1])} or {TABLES[-1]} file of positions.")
