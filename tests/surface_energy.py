@@ -240,10 +240,11 @@ def frame(g11: Array, g12: Array, area: Array) -> Array:
 
 def design_energy(shape: RestShape, material: Material) -> DiscreteEnergy:
     """Design 1.3 for a material, orthogonal and skewed charts alike."""
-    rest, weights, closing = shape.positions, material.surface(), Closing(shape.periodic, shape.poles)
+    rest, weights, closing = shape.positions, material.surface(shape.grid), Closing(shape.periodic, shape.poles)
+    at_nodes = material.surface(shape.grid, at="nodes")
     strips = pole_strips(shape, material)
     if isinstance(weights, PaperWeights):
-        return _paper_energy(shape, weights, closing, strips)
+        return _paper_energy(shape, weights, at_nodes, closing, strips)
     around = closed(rest, closing.periodic)
     n1, n2 = mean_edges(around)
     g11, g12, g22 = dot(n1, n1), dot(n1, n2), dot(n2, n2)
@@ -253,25 +254,28 @@ def design_energy(shape: RestShape, material: Material) -> DiscreteEnergy:
         return DiscreteEnergy(rest, membrane, none, np.zeros(()), closing=closing, strips=strips)
     quarters = corner_areas(shape, area)
     in_poles, share = pole_areas(shape), np.zeros(shape.nodes)
-    D, G = weights.bending, np.stack(steps_squared(rest, closing), -1)
+    D, G = at_nodes.bending + np.zeros((*shape.nodes, 3, 3)), np.stack(steps_squared(rest, closing), -1)
     products = G[..., :, None] * G[..., None, :]
     # Around a pole (k11 - k22)^2 stands for what 4 k12^2 would be in it on average.
-    stands = D[:2, :2] + D[2, 2] * np.array([[1, -1], [-1, 1]])
+    stands = D[..., :2, :2] + D[..., 2, 2, None, None] * np.array([[1, -1], [-1, 1]])
     if np.abs(g12).max() > 1e-9 * g11.max():
         F = frame(g11, g12, area)
-        corners = _corner_weights(F, quarters, weights.bending, existing(shape.nodes, closing))
+        laws = np.stack([D[at_corner(area.shape, shape.nodes, corner)] for corner in CORNERS], axis=2)
+        corners = _corner_weights(F, quarters, laws, existing(shape.nodes, closing))
         nodes = in_poles[..., None, None] * stands / products
         return DiscreteEnergy(rest, membrane, nodes, np.zeros(()), corners, closing, strips)
     for corner, quarter in zip(CORNERS, np.moveaxis(quarters, -1, 0), strict=True):
         share[at_corner(area.shape, shape.nodes, corner)] += quarter
     nodes = np.zeros((*shape.nodes, 2, 2))
-    alone = 1 / np.diag(np.linalg.inv(D[:2, :2]))
+    alone = 1 / np.diagonal(np.linalg.inv(D[..., :2, :2]), axis1=-2, axis2=-1)
     along_u, along_v = between(shape.nodes, closing)
-    nodes[along_u & along_v] = D[:2, :2]
-    nodes[along_u & ~along_v, 0, 0], nodes[~along_u & along_v, 1, 1] = alone
+    nodes[along_u & along_v] = D[along_u & along_v][:, :2, :2]
+    for entry, lone in ((0, along_u & ~along_v), (1, ~along_u & along_v)):
+        nodes[lone, entry, entry] = alone[lone, entry]
     nodes = (share[..., None, None] * nodes + in_poles[..., None, None] * stands) / products
     # D (1 - nu) B12^2 is 2 D33 B12^2, where D33 belongs to the doubled k12.
-    return DiscreteEnergy(rest, membrane, nodes, 4 * D[2, 2] * area / (g11 * g22), closing=closing, strips=strips)
+    twist = 4 * weights.bending[..., 2, 2] * area / (g11 * g22)
+    return DiscreteEnergy(rest, membrane, nodes, twist, closing=closing, strips=strips)
 
 
 def steps_squared(rest: Array, closing: Closing) -> list[Array]:
@@ -321,10 +325,13 @@ def pole_areas(shape: RestShape) -> Array:
 
 def pole_strips(shape: RestShape, material: Material) -> list[tuple[DiscreteEnergy, Array]]:
     """The membrane in the poles."""
-    weights, found = material.surface(), []
-    around = 0 if shape.periodic[0] else 1
+    found: list[tuple[DiscreteEnergy, Array]] = []
+    if not any(shape.poles):
+        return found
+    around, at_nodes = 0 if shape.periodic[0] else 1, material.surface(shape.grid, at="nodes")
     for nodes in strips_of(shape):
         quad = shape.positions.reshape(-1, 3)[nodes]
+        weights = at_nodes.mapped(lambda v, nodes=nodes: v.reshape(-1, *v.shape[2:])[nodes.ravel()].mean(axis=0))
         if around == 1:
             quad, nodes = quad.swapaxes(0, 1), nodes.T
         if isinstance(weights, PaperWeights):
@@ -339,17 +346,17 @@ def halved(membrane: Callable[[Array], Array]) -> Callable[[Array], Array]:
     return lambda change: membrane(change) / 2
 
 
-def _corner_weights(F: Array, quarters: Array, bending: Array, exists: Array) -> Array:
-    """Skewed charts: each corner's area times C, with the entries that it lacks condensed out."""
+def _corner_weights(F: Array, quarters: Array, laws: Array, exists: Array) -> Array:
+    """Skewed charts: each corner's area times C of its node, with the entries that it lacks condensed out."""
     units = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 1], [1, 0]]])
     inverse = np.linalg.inv(F)
     k = np.einsum("...ai,nij,...bj->...nab", inverse, units, inverse)
     voigt = np.stack([k[..., 0, 0], k[..., 1, 1], 2 * k[..., 0, 1]], -1)
-    C = np.einsum("...na,ab,...mb->...nm", voigt, bending, voigt)
+    C = np.einsum("...na,...kab,...mb->...knm", voigt, laws, voigt)
     weights = np.zeros((*exists.shape, 3))
     for i, j, corner in np.ndindex(exists.shape[:3]):
         kept, lost = np.flatnonzero(exists[i, j, corner]), np.flatnonzero(~exists[i, j, corner])
-        full = quarters[i, j, corner] * C[i, j]
+        full = quarters[i, j, corner] * C[i, j, corner]
         across = full[np.ix_(kept, lost)]
         rest = full[np.ix_(kept, kept)] - across @ np.linalg.pinv(full[np.ix_(lost, lost)]) @ across.T
         weights[i, j, corner][np.ix_(kept, kept)] = rest
@@ -370,12 +377,16 @@ def paper_membrane(spacing: tuple[float, ...], weights: PaperWeights) -> Callabl
 
 
 def _paper_energy(
-    shape: RestShape, weights: PaperWeights, closing: Closing, strips: list[tuple[DiscreteEnergy, Array]]
+    shape: RestShape,
+    weights: PaperWeights,
+    at_nodes: PaperWeights,
+    closing: Closing,
+    strips: list[tuple[DiscreteEnergy, Array]],
 ) -> DiscreteEnergy:
     """The paper's energy with its sum of xi_ij/2 (B - B0)^2, B11 and B22 at nodes; a pole is half a step deep."""
-    (h1, h2), xi = shape.spacing, weights.xi
+    (h1, h2), xi = shape.spacing, [x + np.zeros(shape.nodes) for x in at_nodes.xi]
     halves = [np.where(has, 1.0, 0.5) for has in between(shape.nodes, closing)]
     share = h1 * h2 * halves[0] * halves[1]
-    bending = share[..., None, None] * np.diag([xi[0] / h1**4, xi[1] / h2**4])
-    membrane, twist = paper_membrane(shape.spacing, weights), np.array(2 * xi[2] / (h1 * h2))
+    bending = share[..., None, None] * (np.stack([xi[0] / h1**4, xi[1] / h2**4], -1)[..., None] * np.eye(2))
+    membrane, twist = paper_membrane(shape.spacing, weights), np.array(2 * weights.xi[2] / (h1 * h2))
     return DiscreteEnergy(shape.positions, membrane, bending, twist, closing=closing, strips=strips)

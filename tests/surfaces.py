@@ -33,6 +33,13 @@ MATERIALS = {
     ),
     "paper": Material(areal_density=0.2, eta=(500.0, 300.0, 200.0), xi=(20.0, 10.0, 5.0)),
     "paper-membrane": Material(areal_density=0.2, eta=500.0),
+    "varying": Material(
+        density=1000.0, youngs_modulus=(lambda u, v: 1e6 * (1 + u), lambda u, v: 1e6 * (2 - v)), poisson_ratio=0.3,
+        shear_modulus=4e5, thickness=lambda u, v: 0.1 + 0.2 * u * v, bending_multipliers=lambda u, v: 0.1 + (u > v),
+    ),
+    "varying paper": Material(
+        areal_density=0.2, eta=(lambda u, v: 300 + 200 * u, 300.0, 200.0), xi=lambda u, v: 5 + 9 * v
+    ),
 }  # fmt: skip
 
 
@@ -114,8 +121,9 @@ SHAPES: dict[str, Callable[[tuple[int, int]], RestShape]] = {
     "bump": bump,
     "parallelogram": parallelogram,
 }
-CASES = [(shape, material) for shape in SHAPES for material in MATERIALS]
-"""Every shape with every material; bump and parallelogram couple b12 to b11 and b22."""
+CASES = [(shape, material) for shape in SHAPES for material in list(MATERIALS)[:6]]
+CASES += [("flat", "varying"), ("fan", "varying paper"), ("bump", "varying")]
+"""Every shape with every even material, some with varying ones; bump and parallelogram couple b12 to b11 and b22."""
 CLOSED: dict[str, Callable[[tuple[int, int]], RestShape]] = {
     "tube": lambda nodes: tube(nodes, radius=0.3, length=0.7),
     "tube along u": lambda nodes: transposed(tube(nodes[::-1], radius=0.3, length=0.7)),
@@ -135,11 +143,13 @@ POLAR: dict[str, Callable[[tuple[int, int]], RestShape]] = {
 CLOSED_CASES = [
     *((shape, material) for shape in CLOSED for material in ("membrane", "isotropic")),
     ("tube", "orthotropic"), ("tube along u", "paper"), ("torus", "shell"), ("screw", "shell"), ("knot", "paper"),
+    ("tube", "varying"), ("screw", "varying"),
 ]  # fmt: skip
 """Closed shapes with materials; screw and knot couple b12 to b11 and b22."""
 POLAR_CASES = [
     ("ball", "membrane"), ("ball", "isotropic"), ("ball along u", "orthotropic"), ("ball", "paper"),
     ("ball along u", "paper"), ("twisted ball", "isotropic"), ("twisted ball along u", "shell"), ("disk", "shell"),
+    ("ball along u", "varying"), ("ball", "varying paper"), ("twisted ball", "varying"),
 ]  # fmt: skip
 """Shapes with poles and materials; twisted ones couple b12 to b11 and b22."""
 

@@ -23,7 +23,8 @@ NUMBERS_FROM_Q = (
 
 
 def stiffness_of(shape: RestShape, material: Material) -> SurfaceStiffness:
-    return surface_stiffness(shape.grid, shape.positions, material.surface())
+    at_cells, at_nodes = material.surface(shape.grid), material.surface(shape.grid, at="nodes")
+    return surface_stiffness(shape.grid, shape.positions, at_cells, at_nodes=at_nodes)
 
 
 def full(stiffness: SurfaceStiffness) -> Array:

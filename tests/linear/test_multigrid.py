@@ -258,6 +258,34 @@ def test_poles_take_few_more_iterations(nodes: tuple[int, int]) -> None:
     assert max(found) <= 30
 
 
+def crease(u: Array, v: Array) -> Array:
+    return np.where(np.abs(u - 0.5) < 0.01, 1.0, 0.0)
+
+
+def hem(u: Array, v: Array) -> Array:
+    return np.where(np.minimum.reduce([u, 1 - u, v, 1 - v]) < 0.03, 1.0, 0.0)
+
+
+def checks(u: Array, v: Array) -> Array:
+    return (np.floor(7 * u) + np.floor(7 * v)) % 2
+
+
+@pytest.mark.parametrize("contrast", [1e2, 1e4])
+@pytest.mark.parametrize(
+    ("pattern", "factor"), [(crease, -1), (crease, 1), (hem, 1), (checks, -1)], ids=["weak", "stiff", "hem", "checks"]
+)
+def test_stiffness_that_varies_is_felt_on_every_grid(pattern: Any, factor: int, contrast: float) -> None:
+    # With the harmonic mean in place of the arithmetic one: up to 253.
+    shape, found = sheet((65, 65)), []
+    for key, even in (("membrane_stiffness", 1e4), ("bending_stiffness", 1e-3)):
+        local = {key: lambda u, v, even=even: even * contrast ** (factor * pattern(u, v))}
+        constants = {"membrane_stiffness": 1e4, "bending_stiffness": 1e-5} | local
+        system = System(shape, Material(areal_density=0.2, poisson_ratio=0.3, **constants), positions=bent(shape))
+        found.append(system.iterations())
+    print(f"\n{pattern.__name__}, contrast {contrast**factor:g}: {found}")
+    assert max(found) <= 40
+
+
 @pytest.mark.parametrize("stretching", [1e2, 1e3, 1e5])
 @pytest.mark.parametrize("nodes", [33, 65, pytest.param(129, marks=pytest.mark.slow)])
 def test_iterations_of_a_hanging_sheet_are_bounded_until_it_folds(nodes: int, stretching: float) -> None:
