@@ -41,7 +41,7 @@ def pole_cap(real: Any) -> SimpleNamespace:
     stress, strains, strain_changes, cell_forces = (
         shape.stress, shape.strains, shape.strain_changes, shape.cell_forces,
     )  # fmt: skip
-    store_tension, tension_forces, corner_block = shape.store_tension, shape.tension_forces, shape.corner_block
+    store_tension, tensed, corner_block = shape.store_tension, shape.tensed, shape.corner_block
     numbers = shape.numbers
     zero, half, one = real(0.0), real(0.5), real(1.0)
     module = kernel_module("pole_cap", 1, real)
@@ -108,8 +108,8 @@ def pole_cap(real: Any) -> SimpleNamespace:
         s, t, c, u, v = strain_changes(d, e, x, pd, pe, px)
         ss, st, sc, su, sv = stress(K, pole, k, s, t, c, u, v)
         fd, fe, fx = cell_forces(d, e, x, ss, st, sc, su, sv)
-        td, te, tx = tension_forces(tension, pole, k, pd, pe, px)
-        store_forces(flux_out, pole, k, fd + td, fe + te, fx + tx)
+        fd, fe, fx = tensed(tension, pole, k, fd, fe, fx, pd, pe, px)
+        store_forces(flux_out, pole, k, fd, fe, fx)
 
     @wp.kernel(module=module)
     def hand_over(

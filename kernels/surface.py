@@ -75,7 +75,7 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
     dot3, scale, mul = words.dot3, words.scale, words.mul
     diagonals, stress, numbers = shape.diagonals, shape.stress, shape.numbers
     strains, strain_changes = shape.strains, shape.strain_changes
-    cell_forces, store_tension, tension_forces = shape.cell_forces, shape.store_tension, shape.tension_forces
+    cell_forces, store_tension, tensed = shape.cell_forces, shape.store_tension, shape.tensed
     unit_normal, christoffel = shape.unit_normal, shape.christoffel
     tangent_u, tangent_v, second_u, second_v = shape.tangent_u, shape.tangent_v, shape.second_u, shape.second_v
     flexed, store_scatter = shape.flexed, shape.store_scatter
@@ -132,8 +132,7 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
         s, t, c, u, v = strain_changes(d, e, x, pd, pe, px)
         ss, st, sc, su, sv = stress(K, i, j, s, t, c, u, v)
         fd, fe, fx = cell_forces(d, e, x, ss, st, sc, su, sv)
-        td, te, tx = tension_forces(tension, i, j, pd, pe, px)
-        fd, fe, fx = fd + td, fe + te, fx + tx
+        fd, fe, fx = tensed(tension, i, j, fd, fe, fx, pd, pe, px)
         if wp.static(bending):
             n, gamma_d, gamma_e = load3(twist, 0, i, j), load1(twist, 3, i, j), load1(twist, 4, i, j)
             db = dot3(n, px) - mul(gamma_d, dot3(n, pd)) - mul(gamma_e, dot3(n, pe))

@@ -110,14 +110,13 @@ def geometry(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         store1(tension, 3, i, j, pull_u - pull_v)
 
     @wp.func
-    def tension_forces(tension: wp.array3d(dtype=real), i: int, j: int, pd: V, pe: V, px: V):
-        """The tension times pd, pe and px."""
+    def tensed(tension: wp.array3d(dtype=real), i: int, j: int, fd: V, fe: V, fx: V, pd: V, pe: V, px: V):
+        """fd, fe and fx, and on top of them the tension times pd, pe and px."""
         tde = load1(tension, 3, i, j)
-        return (
-            scale(load1(tension, 0, i, j), pd) + scale(tde, pe),
-            scale(load1(tension, 1, i, j), pe) + scale(tde, pd),
-            scale(load1(tension, 2, i, j), px),
-        )
+        fd = fd + scale(load1(tension, 0, i, j), pd) + scale(tde, pe)
+        fe = fe + scale(load1(tension, 1, i, j), pe) + scale(tde, pd)
+        fx = fx + scale(load1(tension, 2, i, j), px)
+        return fd, fe, fx
 
     @wp.func
     def block_column(
@@ -243,7 +242,7 @@ def geometry(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
         strain_changes=strain_changes,
         cell_forces=cell_forces,
         store_tension=store_tension,
-        tension_forces=tension_forces,
+        tensed=tensed,
         corner_block=corner_block,
         unit_normal=unit_normal,
         christoffel=christoffel,

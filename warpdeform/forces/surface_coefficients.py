@@ -153,8 +153,11 @@ def _koiter_membrane(chart: Chart, material: SurfaceCoefficients) -> Array:
     for axis, (edges, g) in enumerate(((chart.edges_u, chart.g11), (chart.edges_v, chart.g22))):
         low, high = 0.5 / edges[0], 0.5 / edges[1]
         share = np.sqrt(edges[0]) / (np.sqrt(edges[0]) + np.sqrt(edges[1]))
-        for row, a, b in ((axis, g * share * low, g * (1.0 - share) * high), (3 + axis, -0.5 * low, 0.5 * high)):
-            to_strain[..., row, axis], to_strain[..., row, 3 + axis] = b + a, b - a
+        for row, factor, a, b in (
+            (axis, g, share * low, (1.0 - share) * high),
+            (3 + axis, 1.0, -0.5 * low, 0.5 * high),
+        ):
+            to_strain[..., row, axis], to_strain[..., row, 3 + axis] = factor * (b + a), factor * (b - a)
     to_strain[..., 2, 2] = 1.0
     voigt = chart.voigt()
     law = np.zeros((*shape, 5, 5))

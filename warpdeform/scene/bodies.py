@@ -14,6 +14,7 @@ from warpdeform.body import DENSITIES, Body, Pin, Spring, rotate
 from warpdeform.material import Material
 from warpdeform.scene.collect import Collector, look
 from warpdeform.scene.keys import Path, closest
+from warpdeform.scene.kinds import VaryingTable
 from warpdeform.scene.schema import BodyTable, PinTable, SpringTable, StrandsTable
 from warpdeform.scene.tracks import held_track, quaternion
 from warpdeform.selectors import select_nodes
@@ -32,6 +33,7 @@ from warpdeform.shape import (
     sheet,
     strands,
 )  # fmt: skip
+from warpdeform.varying import Varying
 
 MOST_NODES = 4096 * 4096
 _STAND_INS: dict[str, RestShape] = {"curve": line((2,)), "surface": sheet((2, 2)), "solid": block((2, 2, 2))}
@@ -88,10 +90,42 @@ def _kind(table: BodyTable, at: Path, collector: Collector) -> str:
 
 def _material(table: BodyTable, at: Path, collector: Collector) -> Material | None:
     at = (*at, "material")
-    given = {key: _tuple(value) for key, value in table.material.given().items() if value is not None}
+    given = {
+        key: local
+        for key, value in table.material.given().items()
+        if value is not None and (local := _local(value, (*at, key), collector)) is not None
+    }
     preset = given.pop("preset", None)
     with collector.at(at, {"material": at}):
         return Material(**given) if preset is None else replace(Material.preset(preset), **given)
+    return None
+
+
+def _local(value: Any, at: Path, collector: Collector) -> Any:
+    """A number, or what varies in its place, or several of them; None where a file was refused."""
+    if isinstance(value, list):
+        items = [_local(item, (*at, index), collector) for index, item in enumerate(value)]
+        return None if None in items else tuple(items)
+    return varying(value, at, collector) if isinstance(value, VaryingTable) else value
+
+
+def varying(table: VaryingTable, at: Path, collector: Collector) -> Varying | None:
+    """What a table says that varies over a body; None, and a mistake in the collector, if it cannot be read."""
+    if not collector.sound(at):
+        return None
+    if (table.image is None) == (table.array is None):
+        example = 'Use for example { image = "hem.pgm", range = [0.0002, 0.001] }.'
+        collector.refuse(at, None, "needs either an image or an array", example)
+        return None
+    if table.array is not None and table.range is not None:
+        remedy = "Leave it out; the values of an array are taken as they are."
+        collector.refuse((*at, "range"), table.range, "goes with an image", remedy)
+        return None
+    with collector.at(at, {"values": (*at, "image" if table.array is None else "array")}):
+        folder = collector.file.parent
+        if table.array is not None:
+            return Varying.file(folder / table.array)
+        return Varying.image(folder / str(table.image), table.range)
     return None
 
 
