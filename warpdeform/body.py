@@ -14,6 +14,7 @@ from warpdeform.selectors import NodeSelector, select_nodes
 from warpdeform.shape import RestShape
 
 if TYPE_CHECKING:
+    from warpdeform.growth import Growth
     from warpdeform.track import Track
 
 DENSITIES: dict[str, Callable[["Body"], float | NDArray[np.float64]]] = {
@@ -76,6 +77,7 @@ class Body:
         drag: Mass-proportional damping [1/s] beside the material's own.
         wind_coefficient: c of the viscous force c (n . v) n [kg/(m2 s)].
         pressure: Pressure inside over outside of a surface with a periodic axis [Pa]; ends are capped; 0 for none.
+        growth: How the rest shape changes over time; None if it stays.
         section: Cross-section of a curve, as its material wants it; its `radius` [m] is what wind meets.
         color: Display colour, linear RGB.
         roughness: Roughness of the preview surface, 0 to 1.
@@ -95,6 +97,7 @@ class Body:
     drag: float = 0.0
     wind_coefficient: float = 2.0
     pressure: float = 0.0
+    growth: "Growth | None" = None
     section: Any = None
     color: tuple[float, float, float] = (0.55, 0.13, 0.11)
     roughness: float = 0.7
@@ -112,6 +115,8 @@ class Body:
         if self.material.varies and kind != "surface":
             problem, remedy = f"varies, which that of a {kind} cannot yet", "Use one number for each quantity."
             mistakes.append(Mistake("material", None, problem, remedy))
+        if self.growth is not None:
+            mistakes += self._growth_mistakes()
         if self.section is not None and kind != "curve":
             remedy = "Give a surface's material a thickness."
             mistakes.append(Mistake("section", None, f"does not go with a {kind}", remedy))
@@ -154,6 +159,28 @@ class Body:
                 mistakes += [Mistake(f"material.{m.key}", m.value, m.problem, m.remedy) for m in error.mistakes]
         if mistakes:
             raise InputError(mistakes)
+
+    def _growth_mistakes(self) -> list[Mistake]:
+        assert self.growth is not None
+        if self.kind != "surface":
+            return [Mistake("growth", None, f"does not go with a {self.kind} yet", "Leave it out, or use a surface.")]
+        found = self.growth.mistakes(self.shape.dimension, self.kind)
+        if self.growth.curvature.any() and not found and not self._bends():
+            problem, remedy = "needs a surface that bends", "Give its material a bending stiffness."
+            found.append(Mistake("curvature", self.growth.curvature, problem, remedy))
+        try:
+            self.growth.shares(self.shape.grid)
+        except InputError as error:
+            found += error.mistakes
+        return [Mistake(f"growth.{m.key}", m.value, m.problem, m.remedy) for m in found]
+
+    def _bends(self) -> bool:
+        """Whether the material of a surface resists bending; True also where it is refused for other reasons."""
+        try:
+            coefficients = self.material.surface(self.shape.grid, at="nodes")
+        except InputError:
+            return True
+        return bool(np.any(getattr(coefficients, "bending", getattr(coefficients, "xi", 0.0))))
 
     @property
     def density(self) -> float | NDArray[np.float64]:

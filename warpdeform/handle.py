@@ -29,7 +29,8 @@ Array = NDArray[np.float64]
 
 def _surface(model: Model) -> SurfaceElasticity:
     body, device = model.body, model.device
-    return SurfaceElasticity(model.grid, model.layout, body.shape.positions, body.material, model.real, device)
+    rest, growth = body.shape.positions, body.growth
+    return SurfaceElasticity(model.grid, model.layout, rest, body.material, model.real, device, growth=growth)
 
 
 ELASTICITY: dict[str, Callable[[Model], Force]] = {"surface": _surface}
@@ -144,8 +145,9 @@ class BodyHandle:
         return Curvature(b11[inside_u] / h1**2, b12[cells] / (h1 * h2), b22[:, inside_v] / h2**2)
 
     def max_stretch(self) -> float:
-        """Longest edge over its rest length."""
-        return self.model.max_stretch(self.state.x)
+        """Longest edge over its rest length, which may have grown."""
+        growth = getattr(self.elasticity, "growth", None)
+        return self.model.max_stretch(self.state.x, None if growth is None else growth.node_scales())
 
     def add_energies(self, energy: Energy) -> None:
         """Add this body's energies [J] to `energy`."""

@@ -3,7 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from warpdeform.grid import ParameterGrid
+
 Array = NDArray[np.float64]
+
+
+def cells_of(grid: ParameterGrid, rest: Array) -> "Chart":
+    """The cells of a grid of rest positions [m], shape (nu, nv, 3)."""
+    closed = grid.closed(rest)
+    return Chart(closed[:-1, :-1], closed[1:, :-1], closed[:-1, 1:], closed[1:, 1:])
 
 
 class Chart:

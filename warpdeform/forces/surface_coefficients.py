@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from warpdeform.errors import InputError, Mistake
 from warpdeform.forces.surface_bending import Bending, coupled_bending, orthogonal_bending, tangents
-from warpdeform.forces.surface_chart import Chart
+from warpdeform.forces.surface_chart import Chart, cells_of
 from warpdeform.grid import ParameterGrid
 from warpdeform.material import PaperWeights, SurfaceCoefficients
 from warpdeform.measure import node_measures, strip_corners
@@ -88,8 +88,7 @@ def surface_stiffness(
         InputError: A cell has no area.
     """
     nodes = at_nodes or material
-    closed = grid.closed(rest)
-    chart = Chart(closed[:-1, :-1], closed[1:, :-1], closed[:-1, 1:], closed[1:, 1:])
+    chart = cells_of(grid, rest)
     if (where := chart.flat()) is not None:
         problem, remedy = "has a cell without area", "Give a rest shape whose cells are quads."
         raise InputError(Mistake("shape", where, problem, remedy))
