@@ -43,6 +43,7 @@ FLOORS = (
         "tensors",
         "array_file",
         "varying",
+        "growth",
     },
     {"forces", "linear"},
     {"integrators"},
@@ -51,7 +52,19 @@ FLOORS = (
 )
 """Modules by floor (design 3.2): a module imports its own floor and those below."""
 
-DESCRIPTIONS = ("errors", "varying", "material", "shape", "track", "obstacle", "wind", "body", "settings", "result")
+DESCRIPTIONS = (
+    "errors",
+    "varying",
+    "growth",
+    "material",
+    "shape",
+    "track",
+    "obstacle",
+    "wind",
+    "body",
+    "settings",
+    "result",
+)
 """What a scene is described with: pure NumPy, so that a command line answers before Warp is loaded."""
 
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from warpdeform.body import Body, Pin, Spring
     from warpdeform.errors import InputError, Mistake, SimulationFailure, WarpdeformError
+    from warpdeform.growth import Growth
     from warpdeform.material import Material
     from warpdeform.obstacle import Obstacle
     from warpdeform.scene import load_scene
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from warpdeform.track import Track
     from warpdeform.usd.frames import FrameWriter
     from warpdeform.usd.recorder import Recorder
+    from warpdeform.varying import Varying
     from warpdeform.wind import Wind
 
 __version__ = "0.1.0"
@@ -44,6 +46,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Body",
     "FrameWriter",
+    "Growth",
     "InputError",
     "Material",
     "Mistake",
@@ -56,6 +59,7 @@ __all__ = [
     "SimulationFailure",
     "Spring",
     "Track",
+    "Varying",
     "WarpdeformError",
     "Wind",
     "__version__",
@@ -82,6 +86,7 @@ __all__ = [
 _HOMES = {
     "body": ("Body", "Pin", "Spring"),
     "errors": ("InputError", "Mistake", "SimulationFailure", "WarpdeformError"),
+    "growth": ("Growth",),
     "material": ("Material",),
     "obstacle": ("Obstacle",),
     "scene": ("load_scene",),
@@ -110,6 +115,7 @@ _HOMES = {
     "track": ("Track",),
     "usd.frames": ("FrameWriter",),
     "usd.recorder": ("Recorder",),
+    "varying": ("Varying",),
     "wind": ("Wind",),
 }
 """The module that each public name lives in."""

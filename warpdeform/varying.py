@@ -150,7 +150,9 @@ class Varying:
     @property
     def _said(self) -> object:
         """What messages show as the value."""
-        return self.name or (None if callable(self.source) else np.shape(self.source))
+        if self.name or callable(self.source):
+            return self.name or None
+        return np.shape(self.source) or self.source
 
     def _fitted(self, grid: ParameterGrid) -> tuple[Array, bool]:
         """The array in the shape of the nodes or of the cells, and whether it is per node."""

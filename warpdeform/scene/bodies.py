@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpdeform.body import DENSITIES, Body, Pin, Spring, rotate
+from warpdeform.growth import Growth
 from warpdeform.material import Material
 from warpdeform.scene.collect import Collector, look
 from warpdeform.scene.keys import Path, closest
 from warpdeform.scene.kinds import VaryingTable
-from warpdeform.scene.schema import BodyTable, PinTable, SpringTable, StrandsTable
+from warpdeform.scene.schema import BodyTable, PinTable, RestTable, SpringTable, StrandsTable
 from warpdeform.scene.tracks import held_track, quaternion
 from warpdeform.selectors import select_nodes
 from warpdeform.shape import (
@@ -55,6 +56,7 @@ def make_body(table: BodyTable, index: int, collector: Collector) -> Body | None
         "drag": table.drag,
         "wind_coefficient": table.wind_coefficient,
         "pressure": table.pressure,
+        "growth": _growth(table.rest, (*at, "rest"), collector) if table.rest else None,
         **look(table, at, collector),
     }
     if shape is not None:
@@ -63,7 +65,7 @@ def make_body(table: BodyTable, index: int, collector: Collector) -> Body | None
         arguments["springs"] = _held(table.springs, (*at, "springs"), shape.kind, start, _spring, collector)
     if kind not in DENSITIES or (material is None and kind != "surface"):
         return None
-    with collector.at(at):
+    with collector.at(at, {"growth": (*at, "rest")}):
         body = Body(shape=shape or _STAND_INS[kind], material=material or Material.preset("cotton"), **arguments)
         return body if shape and material else None
     return None
@@ -126,6 +128,13 @@ def varying(table: VaryingTable, at: Path, collector: Collector) -> Varying | No
         if table.array is not None:
             return Varying.file(folder / table.array)
         return Varying.image(folder / str(table.image), table.range)
+    return None
+
+
+def _growth(table: RestTable, at: Path, collector: Collector) -> Growth | None:
+    where = varying(table.where, (*at, "where"), collector) if table.where else None
+    with collector.at(at):
+        return Growth(table.times, table.scale, table.curvature, where)
     return None
 
 
