@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 
 class Parameters:
@@ -21,6 +21,11 @@ class Parameters:
         """Make the array with its first values."""
         self._host = np.array(values, dtype=wp.dtype_to_numpy(real))
         self.array: wp.array = wp.array(self._host, dtype=real, device=device)
+
+    @property
+    def values(self) -> NDArray[Any]:
+        """What the array holds, on the host."""
+        return self._host.copy()
 
     def write(self, values: ArrayLike) -> bool:
         """Set the values, of the shape given at first; does nothing if they are what the array holds.

@@ -21,6 +21,7 @@ from warpdeform.kernels.surface_coupling import CHANGE_COMPONENTS, COUPLING_KERN
 from warpdeform.kernels.surface_levels import surface_levels
 from warpdeform.launching import Buffer, RowStruct, Whole, launch_lanes
 from warpdeform.material import Material, PaperWeights, SurfaceCoefficients
+from warpdeform.team import Team
 
 Array = NDArray[np.float64]
 
@@ -137,11 +138,15 @@ class SurfaceElasticity(Force):
         if self.cap is not None:
             self.cap.measure(position, self.cap.q0)
         self._coarse: SurfaceElasticity | None = None
-        self._growth, self.growth = None, None
+        self.growth: GrowthOnGrid | None = None
+        self._regrown: SurfaceGrowth | None = None
+        self._recorded: Team | None = None
         if growth is not None:
-            self._growth = growth if isinstance(growth, GrowthOnGrid) else GrowthOnGrid.of(growth, grid)
-            normalised = not isinstance(here.cells, PaperWeights)
-            self.growth = SurfaceGrowth(self, self._growth, rest, grid, normalised)
+            if not isinstance(growth, GrowthOnGrid):
+                growth = GrowthOnGrid.of(growth, grid, real, device)
+            self.growth, normalised = growth, not isinstance(here.cells, PaperWeights)
+            self._regrown = SurfaceGrowth(self, growth, rest, grid, normalised)
+            self._regrow()
 
     def twins(self, name: str) -> tuple[wp.array, ...]:
         """A coefficient's array, and that for kernels which read it at neighbours, where it is another one."""
@@ -158,7 +163,7 @@ class SurfaceElasticity(Force):
             names.remove("surface.product_nodes")
             names += [f"surface_coupling.{name}" for name in COUPLING_KERNELS]
         names += self.cap.kernels if self.cap is not None else ()
-        return (*names, *(self.growth.kernels if self.growth is not None else ()))
+        return (*names, *(self._regrown.kernels if self._regrown is not None else ()))
 
     def bytes(self) -> int:
         """Device memory that the term keeps [bytes]."""
@@ -167,29 +172,37 @@ class SurfaceElasticity(Force):
         arrays += [self.alpha_u, self.alpha_v]
         own = sum({a.ptr: a.capacity for a in arrays}.values()) + self.halo.bytes()
         own += self.cap.bytes() if self.cap is not None else 0
-        return own + (self.growth.bytes() if self.growth is not None else 0)
+        return own + (self._regrown.bytes() if self._regrown is not None else 0)
 
     def _launch(self, kernel: Any, *arguments: Any) -> None:
         launch_lanes(kernel, self.layout, *arguments, device=self.device)
 
     def coarser(self, transfer: Coarsening) -> "SurfaceElasticity":
         """The surface through the coarse nodes, with the kernels of this one."""
-        rest, material, growth = transfer.sample(self._rest), self._material.coarser(transfer), self._growth
-        if growth is not None:
-            cells, nodes = transfer.average_cells(growth.cells), transfer.average_nodes(growth.nodes)
-            growth = GrowthOnGrid(growth.growth, cells, nodes)
-        like = self.stiffness
+        rest, material = transfer.sample(self._rest), self._material.coarser(transfer)
+        growth = None if self.growth is None else self.growth.coarser(transfer)
+        self._recorded = None
         self._coarse = SurfaceElasticity(
-            transfer.coarse, transfer.layout, rest, material, self.real, self.device, like, growth
+            transfer.coarse, transfer.layout, rest, material, self.real, self.device, self.stiffness, growth
         )
         return self._coarse
 
     def prepare(self, time: float, dt: float, tau: float) -> None:
         """Let the rest shape grow, here and on the coarser grids."""
-        if self.growth is not None:
-            self.growth.move(time)
-            if self._coarse is not None:
-                self._coarse.prepare(time, dt, tau)
+        if self.growth is None or not self.growth.move(time):
+            return
+        if self._recorded is None:
+            self._regrow()
+            self._recorded = Team(1, self.device)
+            self._recorded.record(self._regrow)
+        else:
+            self._recorded.replay()
+
+    def _regrow(self) -> None:
+        if self._regrown is not None:
+            self._regrown.launch()
+        if self._coarse is not None:
+            self._coarse._regrow()
 
     def coarsen(self, transfer: Coarsening, coarse: CoarseTerm) -> None:
         """Mean tension of the fine cells: strains measured on a coarse grid would be those of another shape."""
