@@ -61,6 +61,22 @@ def test_files_of_closed_shapes_say_where_their_poles_are(tmp_path: Path) -> Non
     assert scene_of(tmp_path, text).bodies[0].shape.poles == (True, True)
 
 
+def test_rest_shapes_may_change(tmp_path: Path) -> None:
+    (tmp_path / "bud.pgm").write_bytes(b"P2 3 3 255 0 0 0 0 255 0 0 0 0")
+    rest = "rest = { times = [0, 2], scale = [[1, 1], [1.2, 0.9]], curvature = [[0, 0], [5, 0]], "
+    growth = scene_of(tmp_path, HEAD + rest + 'where = { image = "bud.pgm" } }\n').bodies[0].growth
+    assert growth is not None
+    scale, curvature = growth.at(1.0, 2, 3)
+    np.testing.assert_allclose(scale, [1.1, 0.95])
+    np.testing.assert_allclose(curvature, [2.5, 0, 0])
+    assert growth.where is not None
+    assert growth.where.values[1, 1] == 1.0
+    assert scene_of(tmp_path, HEAD).bodies[0].growth is None
+    even = scene_of(tmp_path, HEAD + "rest = { times = [0, 2], scale = [1, 0.7] }\n").bodies[0].growth
+    assert even is not None
+    assert even.at(9.0, 2, 3)[0].tolist() == [0.7, 0.7]
+
+
 def test_samples_follow_from_duration_and_rate_or_are_given(tmp_path: Path) -> None:
     scene = scene_of(tmp_path, HEAD, **{"scene.duration": 0.99, "scene.fps": 24, "solver.substeps": 2})
     assert scene.frames == 25

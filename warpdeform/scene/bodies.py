@@ -133,6 +133,8 @@ def varying(table: VaryingTable, at: Path, collector: Collector) -> Varying | No
 
 def _growth(table: RestTable, at: Path, collector: Collector) -> Growth | None:
     where = varying(table.where, (*at, "where"), collector) if table.where else None
+    if not collector.sound(at):
+        return None
     with collector.at(at):
         return Growth(table.times, table.scale, table.curvature, where)
     return None
