@@ -59,14 +59,15 @@ def pressure(width: int, real: Any) -> SimpleNamespace:
         position: wp.array3d(dtype=real),
         cells_u: wp.array3d(dtype=real),
         cells_v: wp.array3d(dtype=real),
+        whole_start: wp.array3d(dtype=real),
         origin_column: int,
         push: wp.array(dtype=real),
         partials_out: wp.array2d(dtype=wp.float64),
     ):
-        """The origin is where the first node starts."""
+        """The origin is where the first node starts, for whatever rows; `whole_start` has all of them."""
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        origin = spread3(start, 0, 1, origin_column)
+        origin = spread3(whole_start, 0, 1, origin_column)
         sum0, m1, m2 = patch(start, i, j)
         sum_z, n1, n2 = patch(position, i, j)
         grown = quarter * dot3(sum_z - sum0, cross3(n1, n2))

@@ -11,7 +11,7 @@ from warpdeform.forces.parameters import Parameters
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.halo import Halo
 from warpdeform.kernels.pressure import caps, centres, pressure
-from warpdeform.launching import launch_alone, launch_lanes
+from warpdeform.launching import Whole, launch_alone, launch_lanes
 from warpdeform.measure import enclosed_volume, rims_of
 
 
@@ -137,7 +137,7 @@ class _Enclosure:
     ) -> None:
         """Add -p (V - V at the start), of points and nodes at the start of the step and now."""
         column, push = self._layout.halo, self.push.array
-        inputs = [start, now, self._cells_u, self._cells_v, column, push]
+        inputs = [start, now, self._cells_u, self._cells_v, Whole(start), column, push]
         launch_lanes(self._kernels.add_energy, self._layout, *inputs, partials, device=self._device)
         if self._caps is not None:
             inputs = [self._rims, self._turns, start, now, self._apexes, nodes_start, nodes, column, push]
