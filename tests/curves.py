@@ -340,7 +340,7 @@ class FakeModel:
         self.lengths = (spacing(curve.rest), 1.0)
         self.spacing = float(segment_lengths(curve).min())
         self.has_pins = bool(pinned.any())
-        self.mass, self.area = curve.upload(mass), curve.upload(np.zeros(curve.nodes))
+        self.mass = curve.upload(mass)
         self.free = curve.upload(~pinned)
         self.target = curve.upload(self.initial_positions * pinned[..., None])
         self.pins_move = False

@@ -14,12 +14,14 @@ import warp as wp
 from numpy.typing import NDArray
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import spsolve
-from surfaces import dot, noise, spacing, turned
+from surface_energy import dot
+from surfaces import noise, spacing, turned
 
+from warpdeform.coefficients import PaperSolidWeights
 from warpdeform.forces.solid_coefficients import SolidStiffness
 from warpdeform.forces.solid_elasticity import SolidElasticity
 from warpdeform.grid import Layout, ParameterGrid
-from warpdeform.material import Material, PaperSolidWeights
+from warpdeform.material import Material
 
 Array = NDArray[Any]
 Nodes = tuple[int, int, int]

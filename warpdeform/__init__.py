@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from warpdeform.attachment import Attachment
     from warpdeform.body import Body, Pin, Spring
     from warpdeform.errors import InputError, Mistake, SimulationFailure, WarpdeformError
+    from warpdeform.growth import Growth
     from warpdeform.material import Material
     from warpdeform.obstacle import Obstacle
     from warpdeform.scene import load_scene
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from warpdeform.track import Track
     from warpdeform.usd.frames import FrameWriter
     from warpdeform.usd.recorder import Recorder
+    from warpdeform.varying import Varying
     from warpdeform.wind import Wind
 
 __version__ = "0.1.0"
@@ -47,6 +49,7 @@ __all__ = [
     "Attachment",
     "Body",
     "FrameWriter",
+    "Growth",
     "InputError",
     "Material",
     "Mistake",
@@ -60,6 +63,7 @@ __all__ = [
     "SimulationFailure",
     "Spring",
     "Track",
+    "Varying",
     "WarpdeformError",
     "Wind",
     "__version__",
@@ -87,6 +91,7 @@ _HOMES = {
     "attachment": ("Attachment",),
     "body": ("Body", "Pin", "Spring"),
     "errors": ("InputError", "Mistake", "SimulationFailure", "WarpdeformError"),
+    "growth": ("Growth",),
     "material": ("Material",),
     "obstacle": ("Obstacle",),
     "scene": ("load_scene",),
@@ -116,6 +121,7 @@ _HOMES = {
     "track": ("Track",),
     "usd.frames": ("FrameWriter",),
     "usd.recorder": ("Recorder",),
+    "varying": ("Varying",),
     "wind": ("Wind",),
 }
 """The module that each public name lives in."""

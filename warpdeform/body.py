@@ -8,6 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from warpdeform.coefficients import (
+    CurveCoefficients,
+    PaperCurveWeights,
+    PaperSolidWeights,
+    PaperWeights,
+    SolidCoefficients,
+    SurfaceCoefficients,
+)
 from warpdeform.errors import InputError, Mistake
 from warpdeform.material import Material
 from warpdeform.section import Section
@@ -15,14 +23,17 @@ from warpdeform.selectors import NodeSelector, select_nodes
 from warpdeform.shape import RestShape
 
 if TYPE_CHECKING:
+    from warpdeform.growth import Growth
     from warpdeform.track import Track
 
-DENSITIES: dict[str, Callable[["Body"], float]] = {
-    "curve": lambda body: body.material.curve(body.section).linear_density,
-    "surface": lambda body: body.material.surface().areal_density,
-    "solid": lambda body: body.material.solid().density,
+Law = CurveCoefficients | PaperCurveWeights | SurfaceCoefficients | PaperWeights | SolidCoefficients | PaperSolidWeights
+
+LAWS: dict[str, Callable[["Body", str], Law]] = {
+    "curve": lambda body, at: body.material.curve(body.section, body.shape.grid, at),
+    "surface": lambda body, at: body.material.surface(body.shape.grid, at),
+    "solid": lambda body, at: body.material.solid(body.shape.grid, at),
 }
-"""Mass per length [kg/m], area [kg/m2] or volume [kg/m3] of each kind of body that can be simulated."""
+"""What the material of each kind of body comes to, at its "cells" or "nodes"."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +113,7 @@ class Body:
         drag: Mass-proportional damping [1/s] beside the material's own.
         wind_coefficient: c of the viscous force c (n . v) n [kg/(m2 s)].
         pressure: Pressure inside over outside of a surface with a periodic axis [Pa]; ends are capped; 0 for none.
+        growth: How the rest shape changes over time; None if it stays.
         section: Cross-section of a curve, which materials in physical units need.
         natural: Shape of a curve whose curvature and twist need no force; None: the rest shape.
         director: Where director 1 of a curve's section points, at its first segment in that shape; None: anywhere.
@@ -123,6 +135,7 @@ class Body:
     drag: float = 0.0
     wind_coefficient: float = 2.0
     pressure: float = 0.0
+    growth: "Growth | None" = None
     section: Section | None = None
     natural: RestShape | None = None
     director: tuple[float, float, float] | None = None
@@ -136,9 +149,6 @@ class Body:
         object.__setattr__(self, "nodes", nodes)
         object.__setattr__(self, "kind", kind)
         mistakes = []
-        if kind not in DENSITIES:
-            problem, known = f"is a {kind}, which cannot be simulated yet", ", ".join(DENSITIES)
-            mistakes.append(Mistake("shape", None, problem, f"Use one of: {known}."))
         for key in ("section", "natural", "director") if kind != "curve" else ():
             if getattr(self, key) is not None:
                 mistakes.append(Mistake(key, None, f"does not go with a {kind}", "Leave it out, or use a curve."))
@@ -148,6 +158,8 @@ class Body:
         if self.director is not None and not (np.shape(self.director) == (3,) and any(self.director)):
             problem = "must be three numbers that are not all zero"
             mistakes.append(Mistake("director", self.director, problem, "Use for example [0, 0, 1]."))
+        if self.growth is not None:
+            mistakes += self._growth_mistakes()
         for key in ("drag", "wind_coefficient"):
             value = getattr(self, key)
             if not (math.isfinite(value) and value >= 0):
@@ -178,18 +190,43 @@ class Body:
                 select_nodes(selector, nodes, kind)
             except InputError as error:
                 mistakes += [Mistake(key, m.value, m.problem, m.remedy) for m in error.mistakes]
-        if kind in DENSITIES:
-            try:
-                DENSITIES[kind](self)
-            except InputError as error:
-                mistakes += [Mistake(f"material.{m.key}", m.value, m.problem, m.remedy) for m in error.mistakes]
+        try:
+            for at in ("cells", "nodes"):
+                LAWS[kind](self, at)
+        except InputError as error:
+            mistakes += [Mistake(f"material.{m.key}", m.value, m.problem, m.remedy) for m in error.mistakes]
         if mistakes:
             raise InputError(mistakes)
 
+    def _growth_mistakes(self) -> list[Mistake]:
+        assert self.growth is not None
+        if self.kind != "surface":
+            return [Mistake("growth", None, f"does not go with a {self.kind} yet", "Leave it out, or use a surface.")]
+        found = self.growth.mistakes(self.shape.dimension, self.kind)
+        if self.growth.curvature.any() and not found and not self._bends():
+            problem, remedy = "needs a surface that bends", "Give its material a bending stiffness."
+            found.append(Mistake("curvature", self.growth.curvature, problem, remedy))
+        try:
+            self.growth.shares(self.shape.grid)
+        except InputError as error:
+            found += error.mistakes
+        return [Mistake(f"growth.{m.key}", m.value, m.problem, m.remedy) for m in found]
+
+    def _bends(self) -> bool:
+        """Whether the material of a surface resists bending; True also where it is refused for other reasons."""
+        try:
+            coefficients = self.material.surface(self.shape.grid, at="nodes")
+        except InputError:
+            return True
+        return bool(np.any(getattr(coefficients, "bending", getattr(coefficients, "xi", 0.0))))
+
     @property
-    def density(self) -> float:
-        """Mass per length [kg/m] of a curve, area [kg/m2] of a surface or volume [kg/m3] of a solid."""
-        return DENSITIES[self.kind](self)
+    def density(self) -> float | NDArray[np.float64]:
+        """Mass per length [kg/m] of a curve, area [kg/m2] of a surface or volume [kg/m3] of a solid.
+
+        A number, or one for each cell where the material varies, shape (*cells).
+        """
+        return LAWS[self.kind](self, "cells").density
 
     @property
     def diameter(self) -> float:

@@ -34,7 +34,8 @@ Array = NDArray[np.float64]
 
 def _surface(model: Model) -> SurfaceElasticity:
     body, device = model.body, model.device
-    return SurfaceElasticity(model.grid, model.layout, body.shape.positions, body.material, model.real, device)
+    rest, growth = body.shape.positions, body.growth
+    return SurfaceElasticity(model.grid, model.layout, rest, body.material, model.real, device, growth=growth)
 
 
 def _curve(model: Model) -> CurveElasticity:
@@ -172,13 +173,15 @@ class BodyHandle:
         elasticity.measure(self.state.x, self.model.zeros(5), b)
         b11, b22, b12 = np.moveaxis(self.model.download(b), -1, 0)
         h1, h2 = grid.spacing
-        inside_u, inside_v = (slice(None) if wraps else slice(1, -1) for wraps in grid.periodic)
+        start, end = (None if pole else cut for pole, cut in zip(grid.poles, (1, -1), strict=True))
+        inside_u, inside_v = (slice(None) if wraps else slice(start, end) for wraps in grid.periodic)
         cells = tuple(slice(count) for count in grid.cells)
         return Curvature(b11[inside_u] / h1**2, b12[cells] / (h1 * h2), b22[:, inside_v] / h2**2)
 
     def max_stretch(self) -> float:
-        """Longest edge over its rest length."""
-        return self.model.max_stretch(self.state.x)
+        """Longest edge over its rest length, which may have grown."""
+        growth = getattr(self.elasticity, "growth", None)
+        return self.model.max_stretch(self.state.x, None if growth is None else growth.node_scales())
 
     def add_energies(self, energy: Energy) -> None:
         """Add this body's energies [J] to `energy`."""

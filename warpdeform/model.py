@@ -1,6 +1,7 @@
 """What is constant of one body on the device, frozen once built."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -52,10 +53,10 @@ class Model:
         self.real: Any = wp.float32 if precision == "float32" else wp.float64
         self.lane_width = lane_width or (1 if device.is_cuda else LANE_WIDTHS[precision])
         grid = self.grid = body.shape.grid
-        self.layout = Layout(body.nodes, self.lane_width, grid.periodic)
+        self.layout = Layout(body.nodes, self.lane_width, grid.periodic, grid.poles)
         self.initial_positions = body.placed_positions()
         rest = body.shape.positions
-        self.node_mass = body.density * node_measures(grid, rest)
+        self.node_mass = node_measures(grid, rest, body.density)
         self._rest_lengths = _edge_lengths(grid, rest)
         self.spacing = float(min(length.min() for length in self._rest_lengths))
         lengths = [float(length.mean()) for length in self._rest_lengths]
@@ -113,10 +114,18 @@ class Model:
             self._targets[held] = points
         return self._targets
 
-    def max_stretch(self, positions: wp.array) -> float:
-        """Longest edge over its rest length; positions as a component array (3, rows, columns)."""
-        lengths = _edge_lengths(self.grid, self.download(positions))
-        return float(max(np.max(now / rest) for now, rest in zip(lengths, self._rest_lengths, strict=True)))
+    def max_stretch(self, positions: wp.array, scales: Sequence[Array] | None = None) -> float:
+        """Longest edge over its rest length.
+
+        Args:
+            positions: Component array (3, rows, columns) [m].
+            scales: Factors by which rest lengths have grown along each axis, per node; None if they have not.
+        """
+        lengths, rest_lengths = _edge_lengths(self.grid, self.download(positions)), self._rest_lengths
+        if scales is not None:
+            grown = [self.grid.means(scale, axis) for axis, scale in enumerate(scales)]
+            rest_lengths = [length * scale for length, scale in zip(rest_lengths, grown, strict=True)]
+        return float(max(np.max(now / rest) for now, rest in zip(lengths, rest_lengths, strict=True)))
 
 
 def _edge_lengths(grid: ParameterGrid, positions: Array) -> list[Array]:

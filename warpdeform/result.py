@@ -61,8 +61,8 @@ class Energy:
         elastic: Elastic energy.
         gravity: Potential of gravity, zero at the origin.
         field: Potential of obstacle fields and springs.
-        work_in: Work that pins, wind and drag have done since the start; friction, moving obstacles and moving springs
-            are not counted.
+        work_in: Work that pins, wind and drag have done since the start; friction, moving obstacles, moving springs and
+            growth are not counted.
     """
 
     kinetic: float = 0.0

@@ -38,7 +38,7 @@ class BlockModel:
         self.lengths = tuple(float(np.linalg.norm(e, axis=-1).mean()) for e in edges)
         free = np.ones(rest.nodes)
         free[0] = 0.0
-        self.mass, self.free, self.area = (self.upload(values) for values in (self.node_mass, free, 0 * free))
+        self.mass, self.free = self.upload(self.node_mass), self.upload(free)
         self.target = self.zeros(3)
 
     def upload(self, values: Array) -> wp.array:

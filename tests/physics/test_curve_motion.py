@@ -46,7 +46,7 @@ def test_nearly_inextensible_strands_keep_their_length(framed: bool) -> None:
         held = np.zeros((31, 5), dtype=bool)
         held[0] = True
         curve.force.frames.hold(held)
-    mass = material.curve(section).linear_density * curve.grid.cells_to_nodes(segment_lengths(curve))
+    mass = material.curve(section).density * curve.grid.cells_to_nodes(segment_lengths(curve))
     strands = Strands(curve, mass, pinned, settings=REAL_TIME)
     stretch, lowest = [], []
     for _ in range(24):

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warpdeform.coefficients import CurveCoefficients, Number, PaperCurveWeights
 from warpdeform.errors import InputError, Mistake
 from warpdeform.grid import ParameterGrid
 from warpdeform.kernels.curve_geometry import FOLD
-from warpdeform.material import Material, PaperCurveWeights
+from warpdeform.material import Material
 from warpdeform.section import Section
 
 Array = NDArray[np.float64]
@@ -74,7 +75,7 @@ def curve_stiffness(
     Args:
         grid: Parameter grid.
         rest: Rest positions [m], shape (n, strands, 3).
-        material: Material of all strands.
+        material: Material of all strands; where it varies, along and across them.
         sections: Their cross-sections.
         natural: The shape whose curvature needs no force [m], shape (n, strands, 3); None: the rest shape.
         framed: Give the curve a material frame even where nothing but held directors asks for one.
@@ -86,27 +87,21 @@ def curve_stiffness(
     if natural is not None:
         _check_natural(natural, rest)
     count = grid.nodes[1]
-    if sections is None or isinstance(sections, Section):
-        strands = [material.curve(sections)] * count
-    else:
-        if len(sections) != count:
-            remedy = f"Give one section for all strands, or {count}."
-            raise InputError(
-                Mistake("section", len(sections), f"is a list for another number of strands: {count}", remedy)
-            )
-        strands = [material.curve(section) for section in sections]
+    if sections is not None and not isinstance(sections, Section) and len(sections) != count:
+        remedy = f"Give one section for all strands, or {count}."
+        raise InputError(Mistake("section", len(sections), f"is a list for another number of strands: {count}", remedy))
+    # One law for all strands, or one each.
+    each = [sections] if sections is None or isinstance(sections, Section) else list(sections)
     lengths = segment_lengths(grid, rest)
     share = node_lengths(grid, lengths)
     stretching, bending = np.zeros_like(lengths), np.zeros((*grid.nodes, 3))
-    h = grid.spacing[0]
-    for strand, law in enumerate(strands):
-        segments, nodes = lengths[:, strand], share[:, strand, None]
-        if isinstance(law, PaperCurveWeights):
-            # The paper's tensors are those of the parametrisation: eta/4 (G - G0)^2, G = |b|^2 / h^2, per h.
-            stretching[:, strand], bending[:, strand] = 2.0 * law.eta / h**3, law.xi / h
-        else:
-            stretching[:, strand] = law.axial / segments**3
-            bending[:, strand] = np.array([*law.bending, law.torsion]) / nodes
+    for strand, section in enumerate(each):
+        own = slice(strand, strand + 1) if len(each) == count else slice(None)
+        axial, laws = _laws(grid, material, section)
+        stretching[:, own] = np.broadcast_to(axial, lengths.shape)[:, own]
+        bending[:, own] = np.broadcast_to(laws, bending.shape)[:, own]
+    if material.form != "eta":
+        stretching, bending = stretching / lengths**3, bending / share[..., None]
     if not grid.periodic[0]:
         bending[[0, -1]] = 0.0
     if not np.any(bending[..., :2]):
@@ -118,6 +113,18 @@ def curve_stiffness(
         if alike and straight and not framed:
             bending = bending[..., :1]
     return CurveStiffness(np.sqrt(stretching), np.sqrt(bending), 1e-6 * float(np.min(lengths)) ** 2)
+
+
+def _laws(grid: ParameterGrid, material: Material, section: Section | None) -> tuple[Number, Array]:
+    """EA of the segments, and EI about both directors and GJ of the nodes; of the paper's weights, R^2 themselves."""
+    cells, nodes = material.curve(section, grid), material.curve(section, grid, at="nodes")
+    if isinstance(cells, CurveCoefficients) and isinstance(nodes, CurveCoefficients):
+        return cells.axial, np.stack(np.broadcast_arrays(*nodes.bending, nodes.torsion), axis=-1)
+    assert isinstance(cells, PaperCurveWeights)
+    assert isinstance(nodes, PaperCurveWeights)
+    # The paper's tensors are those of the parametrisation: eta/4 (G - G0)^2, G = |b|^2 / h^2, per h.
+    h = grid.spacing[0]
+    return 2.0 * cells.eta / h**3, np.asarray(nodes.xi / h)[..., None]
 
 
 def edges(grid: ParameterGrid, positions: Array) -> Array:

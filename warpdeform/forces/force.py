@@ -54,6 +54,12 @@ class Coarsening(Protocol):
     def sample(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Values at the nodes, shape (nu, nv, n), at the coarse nodes (host)."""
 
+    def average_cells(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values at the cells, shape (*cells, ...), averaged over the coarse cells (host)."""
+
+    def average_nodes(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values at the nodes, shape (*nodes, ...), averaged around the coarse nodes (host)."""
+
 
 class GridTerm(Protocol):
     """What the linear solver asks of a term that couples nodes, on whatever grid; told in :class:`Force`."""

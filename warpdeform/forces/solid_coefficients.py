@@ -20,10 +20,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from warpdeform.coefficients import Number, PaperSolidWeights, SolidCoefficients
 from warpdeform.errors import InputError, Mistake
 from warpdeform.grid import ParameterGrid
 from warpdeform.kernels.solid_volume import LEAST
-from warpdeform.material import PaperSolidWeights, SolidCoefficients
 from warpdeform.measure import mean_edges
 
 Array = NDArray[np.float64]
@@ -82,14 +82,14 @@ def solid_stiffness(
     Args:
         grid: Parameter grid.
         rest: Rest positions [m], shape (*nodes, 3).
-        material: Physical constants, or the paper's weights.
+        material: Physical constants, or the paper's weights; at the cells where they vary.
         like: Take the variant that is taken there, leaving out what does not fit; None takes what is needed.
 
     Raises:
         InputError: A cell has no volume, an edge has no length, or a cell is turned inside out.
     """
     chart, share, volume = RestCells(grid, rest), np.ones(grid.cells), None
-    if material.inversion_barrier > 0.0:
+    if np.any(material.inversion_barrier):
         strength = material.inversion_barrier * chart.volume
         volume = np.stack([strength, 1.0 / (64.0 * chart.signed_volume), share], axis=-1)
     if isinstance(material, PaperSolidWeights):
@@ -225,7 +225,7 @@ def _chart_law(chart: RestCells, material: SolidCoefficients) -> Array:
     return np.stack([*entries, material.youngs_modulus / 9.0 * volume], axis=-1)
 
 
-def _shear_modulus(material: SolidCoefficients) -> float:
+def _shear_modulus(material: SolidCoefficients) -> Number:
     return material.youngs_modulus / (2.0 * (1.0 + material.poisson_ratio))
 
 
@@ -236,7 +236,7 @@ def _paper_law(grid: ParameterGrid, weights: PaperSolidWeights) -> Array:
     along = [volume * weights.eta[i] / (8.0 * h[i] ** 4) for i in range(3)]
     shears = [volume * weights.eta[3 + n] / (16.0 * (h[i] * h[j]) ** 2) for n, (i, j) in enumerate(PAIRS)]
     sums = [along[0], 0.0, 0.0, along[1], 0.0, along[2]]
-    return np.array([*sums, *along, 0.0, 0.0, 0.0, *along, *shears, *shears])
+    return np.stack(np.broadcast_arrays(*sums, *along, 0.0, 0.0, 0.0, *along, *shears, *shears), axis=-1)
 
 
 def refuse_inverted(grid: ParameterGrid, rest: Array, positions: Array, key: str = "initial_positions") -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warpdeform.coefficients import PaperSolidWeights, SolidCoefficients
 from warpdeform.forces.force import BodyArrays, Coarsening, CoarseTerm, Force, GridArrays
 from warpdeform.forces.solid_coefficients import SolidStiffness, solid_stiffness
 from warpdeform.grid import Layout, ParameterGrid
@@ -27,7 +28,7 @@ class SolidElasticity(Force):
         grid: Parameter grid.
         layout: Memory layout.
         rest: Rest positions [m], shape (nu, nv, nw, 3); G0 is measured on them by the kernel that measures G.
-        material: Material.
+        material: Material; on coarser grids its coefficients, the mean over the fine cells of each.
         real: ``wp.float32`` or ``wp.float64``.
         device: Warp device.
         like: Take the variant of the kernels that these coefficients take; None takes the one that the chart needs.
@@ -43,14 +44,15 @@ class SolidElasticity(Force):
         grid: ParameterGrid,
         layout: Layout,
         rest: Array,
-        material: Material,
+        material: Material | SolidCoefficients | PaperSolidWeights,
         real: Any,
         device: Any,
         like: SolidStiffness | None = None,
     ) -> None:
-        self.stiffness: SolidStiffness = solid_stiffness(grid, rest, material.solid(), like)
+        here = material.solid(grid) if isinstance(material, Material) else material
+        self.stiffness: SolidStiffness = solid_stiffness(grid, rest, here, like)
         self.barrier = self.stiffness.volume is not None
-        self._rest, self._material = rest, material
+        self._rest, self._material = rest, here
         self._layout, self._device, self._real = layout, device, real
         self._variant = (layout.lane_width, real, self.stiffness.orthogonal, self.barrier)
         self._words, self._gather = kernels.solid(*self._variant), solid_gather(layout.lane_width, real)
@@ -108,9 +110,9 @@ class SolidElasticity(Force):
 
     def coarser(self, transfer: Coarsening) -> "SolidElasticity":
         """The solid through the coarse nodes, with the kernels of this one."""
-        rest = transfer.sample(self._rest)
+        rest, material = transfer.sample(self._rest), self._material.mapped(transfer.average_cells)
         return SolidElasticity(
-            transfer.coarse, transfer.layout, rest, self._material, self._real, self._device, self.stiffness
+            transfer.coarse, transfer.layout, rest, material, self._real, self._device, self.stiffness
         )
 
     def coarsen(self, transfer: Coarsening, coarse: CoarseTerm) -> None:

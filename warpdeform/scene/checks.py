@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpdeform.scene.measure import asymmetry, depth, folds, samples
+from warpdeform.scene.measure import asymmetry, capsule_gaps, depth, folds, samples
 from warpdeform.selectors import select_nodes
 
 if TYPE_CHECKING:
@@ -95,9 +95,9 @@ def _stretch(simulation: Simulation, high: float) -> Claim:
 
 def _nothing_inside(history: History, simulation: Simulation, name: str, deepest: float, every: int = 1) -> Claim:
     """Nodes, edges and cells stay outside all obstacles, at the last frame and every so many before it."""
-    worst = 0.0
+    worst, grid = 0.0, simulation[name].model.grid
     for time, positions in list(zip(history.times, history.positions[name], strict=True))[::-every]:
-        points = samples(positions)
+        points = samples(grid.closed(positions))
         worst = max([worst, *(depth(obstacle, points, time) for obstacle in simulation.obstacles)])
     return Claim(f"depth of {name} inside an obstacle [m]", worst, 0.0, deepest)
 
@@ -227,6 +227,24 @@ def _period(height: Array, fps: float) -> float:
     return 2.0 * float(np.diff(turns).mean()) / fps
 
 
+def shrink_wrap(simulation: Simulation, history: History) -> list[Claim]:
+    """The shell comes to rest on the jack: it lies on all six tips, hangs between them, and nothing is inside."""
+    frames, arms = history.positions["shell"], simulation.obstacles
+    gaps = [capsule_gaps(arms, frames[k].reshape(-1, 3), history.times[k]) for k in (0, -1)]
+    tips = 0.34 * np.concatenate([np.eye(3), -np.eye(3)])
+    nearest = [np.linalg.norm(frames[-1] - tip, axis=-1).min() for tip in tips]
+    speed = np.linalg.norm(frames[-1] - frames[-2], axis=-1) / (history.times[-1] - history.times[-2])
+    return [
+        _stretch(simulation, 2.6),
+        _nothing_inside(history, simulation, "shell", 1e-4, every=6),
+        Claim("mean gap between shell and jack at the start [m]", float(gaps[0].mean()), 0.15, 0.25),
+        Claim("mean gap between shell and jack at the end [m]", float(gaps[1].mean()), 0.0, 0.02),
+        Claim("widest gap at the end [m]", float(gaps[1].max()), 0.04, 0.08),
+        Claim("tip of an arm from the nearest node [m]", float(max(nearest)), 0.0, 0.025),
+        Claim("speed at the end (largest) [m/s]", float(speed.max()), 0.0, 0.01),
+    ]
+
+
 def _fallen(frames: list[Array]) -> float:
     """How far below its start the lowest node of all frames is [m]."""
     return float(frames[0][..., 2].min() - min(frame[..., 2].min() for frame in frames))
@@ -234,6 +252,6 @@ def _fallen(frames: list[Array]) -> float:
 
 CHECKS: dict[str, Check] = {
     check.__name__: check
-    for check in (hanging, flag, carpet, bunny, materials, lifted_patch, spring_steel, coiled_cord)
+    for check in (hanging, flag, carpet, bunny, materials, lifted_patch, spring_steel, coiled_cord, shrink_wrap)
 }
 """The check of each packaged scene, by the scene's name."""

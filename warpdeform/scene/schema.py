@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from annotated_types import Len
 
-from warpdeform.scene.kinds import PathTable, material_table, obstacle_table, shape_table
+from warpdeform.scene.kinds import PathTable, VaryingTable, material_table, obstacle_table, shape_table
 from warpdeform.scene.table import ROTATION, Selector, Table, Vector, key
 from warpdeform.settings import Settings
 from warpdeform.wind import Wind
@@ -123,6 +123,28 @@ class SectionTable(Table):
     height: float | None = key(None, "Height of a rectangle", unit="m", example=0.002, words="a number")
 
 
+class RestTable(Table):
+    """How the rest shape changes: growth, shrinking, curling; linear between keyframes, constant outside them."""
+
+    times: list[float] = key(..., "Times of the keyframes", unit="s", example=[0.0, 2.0])
+    scale: list[float] | list[list[float]] | None = key(
+        None,
+        "Factors of the rest lengths at each of them: one, or one along each axis",
+        example=[1.0, 0.7],
+        words="a list of numbers, or of [along u, along v]",
+    )
+    curvature: list[list[float]] | None = key(
+        None,
+        "Natural curvatures at each of them, on top of the rest shape's own: along u and v, and the twist",
+        unit="1/m",
+        example=[[0.0, 0.0], [5.0, 0.0]],
+        words="a list of [along u, along v]",
+    )
+    where: VaryingTable | None = key(
+        None, "Share that a place takes in it, 0 to 1; left out: all", words="a table with an image or array"
+    )
+
+
 class BodyTable(Table):
     """[[body]]: a deformable curve, surface or solid, where it starts and what holds it."""
 
@@ -153,6 +175,7 @@ class BodyTable(Table):
     rotation: Vector = key([0.0, 0.0, 0.0], ROTATION, unit="degrees", example=[90.0, 0.0, 0.0])
     velocity: Vector = key([0.0, 0.0, 0.0], "Velocity at the start", unit="m/s", example=[0.0, 0.0, -1.0])
     pins: list[PinTable] = key([], "Held or led nodes", example=["corner:0,0"])
+    rest: RestTable | None = key(None, "How the rest shape changes; left out: it stays", words="a table")
     springs: list[SpringTable] = key([], "Springs from nodes to points")
     drag: float = key(0.0, "Damping by mass, beside the material's own", unit="1/s", example=0.1)
     wind_coefficient: float = key(2.0, "c of the wind's force c (n . v) n", unit="kg/(m2 s)", example=2.0)

@@ -30,7 +30,8 @@ def _surface(body: Body) -> BodyDescription:
         body.name,
         (body.nodes[0], body.nodes[1]),
         periodic=(shape.periodic[0], shape.periodic[1]),
-        thickness=body.material.thickness or 0.0,
+        thickness=body.material.mean_thickness(shape.grid),
+        caps=shape.grid.poles,
         color=body.color,
         roughness=body.roughness,
     )
