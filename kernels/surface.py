@@ -73,7 +73,7 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
     load1, load3, store1, store3 = words.load1, words.load3, words.store1, words.store3
     add3, sum_lanes = words.add3, words.sum_lanes
     dot3, scale, mul, at_least, splat = words.dot3, words.scale, words.mul, words.at_least, words.splat
-    diagonals, stress, strains = shape.diagonals, shape.stress, shape.strains
+    diagonals, stress, strains, cell_flux = shape.diagonals, shape.stress, shape.strains, shape.cell_flux
     unit_normal, christoffel = shape.unit_normal, shape.christoffel
     tangent_u, tangent_v, second_u, second_v = shape.tangent_u, shape.tangent_v, shape.second_u, shape.second_v
     flexed, store_scatter = shape.flexed, shape.store_scatter
@@ -103,9 +103,7 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
         store1(tension_out, 1, i, j, (pull_u + pull_v) + at_least(splat(zero) - sc, zero))
         store1(tension_out, 2, i, j, pull_u + pull_v)
         store1(tension_out, 3, i, j, pull_u - pull_v)
-        fd = scale(ss + sc, d) + scale(st, e) + scale(su, x)
-        fe = scale(ss - sc, e) + scale(st, d) + scale(sv, x)
-        fx = scale(ss, x) + scale(su, d) + scale(sv, e)
+        fd, fe, fx = cell_flux(d, e, x, ss, st, sc, su, sv)
         if wp.static(bending):
             n = unit_normal(e, d, floor)
             gamma_d, gamma_e = christoffel(d, e, x, floor)
@@ -144,11 +142,9 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
             dot3(e, px) + dot3(x, pe),
         )  # fmt: skip
         tde = load1(tension, 3, i, j)
-        fd = scale(ss + sc, d) + scale(st, e) + scale(su, x)
+        fd, fe, fx = cell_flux(d, e, x, ss, st, sc, su, sv)
         fd = fd + scale(load1(tension, 0, i, j), pd) + scale(tde, pe)
-        fe = scale(ss - sc, e) + scale(st, d) + scale(sv, x)
         fe = fe + scale(load1(tension, 1, i, j), pe) + scale(tde, pd)
-        fx = scale(ss, x) + scale(su, d) + scale(sv, e)
         fx = fx + scale(load1(tension, 2, i, j), px)
         if wp.static(bending):
             n, gamma_d, gamma_e = load3(twist, 0, i, j), load1(twist, 3, i, j), load1(twist, 4, i, j)

@@ -61,6 +61,15 @@ def geometry(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
             )
 
     @wp.func
+    def cell_flux(d: V, e: V, x: V, ss: L, st: L, sc: L, su: L, sv: L):
+        """Derivatives of a cell's energy by D, E and x, or their changes with the changes of its stresses."""
+        return (
+            scale(ss + sc, d) + scale(st, e) + scale(su, x),
+            scale(ss - sc, e) + scale(st, d) + scale(sv, x),
+            scale(ss, x) + scale(su, d) + scale(sv, e),
+        )
+
+    @wp.func
     def strains(d: V, e: V, x: V, q0: wp.array3d(dtype=real), i: int, j: int):
         """q - q0."""
         dd, ee, xx = dot3(d, d), dot3(e, e), dot3(x, x)
@@ -156,6 +165,7 @@ def geometry(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
     return SimpleNamespace(
         diagonals=diagonals,
         stress=stress,
+        cell_flux=cell_flux,
         strains=strains,
         unit_normal=unit_normal,
         christoffel=christoffel,

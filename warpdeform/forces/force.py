@@ -32,14 +32,16 @@ class BodyArrays(GridArrays, Protocol):
 
     x: wp.array
     """Accepted position at the start of the step [m], shape (3, rows, columns)."""
-    w: wp.array
-    """Base of the stage velocity (z - w) / tau [m], shape (3, rows, columns)."""
     area: wp.array
     """Node shares of the rest area [m2], trapezoid weights, shape (1, rows, columns)."""
     iteration: wp.array
     """Newton iteration of this step, int32, shape (1,)."""
     partials: wp.array
     """Partial sums per node or lane group, float64, shape (rows, columns)."""
+
+    @property
+    def w(self) -> wp.array:
+        """Base of the stage velocity (z - w) / tau [m], shape (3, rows, columns)."""
 
 
 class Coarsening(Protocol):
@@ -99,6 +101,18 @@ class Force:
     """How the Hessian product is gathered from fluxes: of the one term of a body that makes it hold together."""
     fluxes: RowStruct
     """What is gathered from."""
+    force_gathering: Gathering | None = None
+    """How the force that `write_force` has written is gathered; None: there are only `linearise` and `add_gradient`."""
+    force_fluxes: RowStruct
+    """What that is gathered from."""
+    uniform: wp.array | None = None
+    """The acceleration that the term gives every node [m/s2], shape (3,), if that is all it does."""
+    quadratic: bool = False
+    """Strains are quadratic in the positions, and `linearise_mean` takes their means (elastic terms)."""
+    most_rate: float = 0.0
+    """Largest eigenvalue that the node block per mass may come to between two looks at it [1/s2]; 0: as it is found."""
+    most_steps: int = 1 << 30
+    """Explicit steps that may share one `prepare`: few where parameters change with time."""
     energy_kind: ClassVar[str] = "field"
     """Where reports book the energy: "elastic", "gravity", "field"; "" where none is stored (friction, wind)."""
 
@@ -127,6 +141,13 @@ class Force:
     def linearise(self, body: BodyArrays, position: wp.array) -> None:
         """Store at a Newton iterate what gradient, Hessian product and blocks need."""
 
+    def linearise_mean(self, body: BodyArrays, position: wp.array, start: wp.array) -> None:
+        """As `linearise`, in the middle of a step from `start`, with the mean of the strains at its ends (`quadratic`).
+
+        With them the work of the force over the step is exactly what the energy changes by.
+        """
+        raise NotImplementedError
+
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
         """Add the energy [J] to `partials` (float64, [rows, columns]), each thread at its own node's entry."""
 
@@ -139,6 +160,9 @@ class Force:
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the derivative of the energy by the position [N]; valid after `linearise` at the same position."""
 
+    def write_force(self, body: BodyArrays, position: wp.array) -> None:
+        """Write what the gradient at `position` is gathered from, and nothing for a Hessian (`force_gathering`)."""
+
     def write_fluxes(self, body: GridArrays, direction: wp.array) -> None:
         """Write the fluxes of the projected Hessian times `direction` (terms with a `gathering`)."""
 
@@ -147,6 +171,11 @@ class Force:
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian [N/m], shape (6, rows, columns) (elastic terms)."""
+
+    def add_majorant(self, body: BodyArrays, blocks: wp.array) -> None:
+        """Add node blocks B with p'H p <= p'B p, H the projected Hessian of the last `linearise` (elastic terms)."""
+        for _ in range(self.sample_nodes):
+            self.add_block_diagonal(body, blocks)
 
     def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
         """Add the whole Hessian of a node-wise term, one symmetric block per node [N/m], shape (6, rows, columns)."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from warpdeform.forces.force import LAGGED_ITERATIONS, BodyArrays, Force
 from warpdeform.kernels.distance import KINDS, MEMORY, distances
-from warpdeform.kernels.fields import LAGGED, fields
+from warpdeform.kernels.fields import LAGGED, STICK, fields
 from warpdeform.kernels.guard import guards
 from warpdeform.launching import launch_nodes
 from warpdeform.obstacle import Obstacle
@@ -61,6 +61,11 @@ class ObstacleField(Force):
         self._has_mesh = any(each.kind == "mesh" for each in self.obstacles)
         self._has_friction = any(each.friction > 0.0 for each in self.obstacles)
         self._moving = not all(each.track.static for each in self.obstacles)
+        self.most_steps = 1 if self._moving else self.most_steps
+        self.most_rate = max(
+            constants.design_speed**2 / (2.0 * constants.range) * max(1.0 / constants.range, each.friction / STICK)
+            for each, constants in zip(self.obstacles, self.constants, strict=True)
+        )
         self._geometry = distances(real, self._has_mesh)
         self._kernels = fields(real, self._has_mesh, self._has_friction)
         self._guards = guards(real, self._has_mesh)

@@ -52,6 +52,7 @@ class Springs(Force):
             for spec, pairs in zip(self._specs, selected, strict=True)
         ]
         self._moving = any(spec.track is not None and not spec.track.static for spec in self._specs)
+        self.most_steps = 8 if self._moving else self.most_steps
         self._stiffness = np.zeros(len(nodes))
         for spec, rows in zip(self._specs, self._rows, strict=True):
             np.add.at(self._stiffness, rows, spec.stiffness)

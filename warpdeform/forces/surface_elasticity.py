@@ -1,5 +1,6 @@
 """The elastic energy of a surface: membrane, and bending where the material has it (design 1.3)."""
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,10 @@ from warpdeform.halo import Halo
 from warpdeform.kernels import surface as kernels
 from warpdeform.kernels.surface_blocks import surface_blocks
 from warpdeform.kernels.surface_coupling import CHANGE_COMPONENTS, COUPLING_KERNELS, surface_coupling
+from warpdeform.kernels.surface_force import surface_force
 from warpdeform.kernels.surface_levels import surface_levels
+from warpdeform.kernels.surface_majorant import surface_majorant
+from warpdeform.kernels.surface_mean import surface_mean
 from warpdeform.launching import Buffer, RowStruct, Whole, launch_lanes
 from warpdeform.material import Material
 
@@ -51,6 +55,7 @@ class SurfaceElasticity(Force):
         self._rest, self._material = rest, material
         self.bending = self.stiffness.bending is not None
         self.coupled = self.stiffness.coupling is not None
+        self.quadratic = not self.bending
         # A cell's corners; a node and its neighbours; a cell and the neighbours of one of its corners.
         self.sample_nodes = 6 if self.coupled else 5 if self.bending else 4
         self._layout, self._device = layout, device
@@ -82,6 +87,9 @@ class SurfaceElasticity(Force):
         # Coupled moments reach one row farther than a band does.
         buffers = frozenset() if self.coupled else frozenset({"flux", "scatter"})
         self.fluxes = RowStruct(self._words.gathering.Fluxes, gathered, buffers)
+        if not self.coupled:
+            self.force_gathering = self.gathering
+            self.force_fluxes = RowStruct(self.gathering.Fluxes, gathered, frozenset(gathered))
         alpha_u, alpha_v = difference_weights(layout)
         self.alpha_u: wp.array = wp.array(alpha_u, dtype=real, device=device)
         self.alpha_v: wp.array = wp.array(alpha_v, dtype=real, device=device)
@@ -138,10 +146,24 @@ class SurfaceElasticity(Force):
 
     def linearise(self, body: GridArrays, position: wp.array) -> None:
         """Stresses, moments and the coefficients of the Hessian at `position`."""
+        self._linearise(position, self.q0)
+
+    def linearise_mean(self, body: BodyArrays, position: wp.array, start: wp.array) -> None:
+        """Stresses of the mean strains of a step from `start` with its middle at `position` (membranes)."""
+        self._halo.refresh(position, start)
+        shift = surface_mean(self._lane_width, self._real).shift_rest
+        self._launch(shift, position, start, self.q0, self._mean_rest)
+        self._linearise(position, self._mean_rest)
+
+    @cached_property
+    def _mean_rest(self) -> wp.array:
+        return wp.zeros_like(self.q0)
+
+    def _linearise(self, position: wp.array, q0: wp.array) -> None:
         k = self._words
         self._halo.refresh(position)
         self._launch(
-            k.stress_cells, position, self.K, self.q0, self.K12, self.b0, self._cell_floor,
+            k.stress_cells, position, self.K, q0, self.K12, self.b0, self._cell_floor,
             self.tension, self.twist, self.flux,
         )  # fmt: skip
         if self.bending:
@@ -197,6 +219,21 @@ class SurfaceElasticity(Force):
         self._launch(self._words.gather, self.fluxes, gradient)
         self._halo.clear(gradient)
 
+    def write_force(self, body: BodyArrays, position: wp.array) -> None:
+        """Write flux, normals and scatter of the force."""
+        k = surface_force(self._lane_width, self._real, self.stiffness.orthogonal, self.bending)
+        self._halo.refresh(position)
+        self._launch(
+            k.force_cells, position, self.K, self.q0, self.K12, self.b0, self._cell_floor, Buffer(self.flux)
+        )  # fmt: skip
+        if self.bending:
+            self._launch(
+                k.force_nodes, position, self.KB, self.b0, self.alpha_u, self.alpha_v, self._node_floor,
+                Buffer(self.flexure), Buffer(self.scatter),
+            )  # fmt: skip
+            self._halo.refresh(self.flexure)
+        self._refresh_stresses()
+
     def write_fluxes(self, body: GridArrays, direction: wp.array) -> None:
         """Write flux and scatter of the projected Hessian times `direction`."""
         k = self._words
@@ -229,4 +266,15 @@ class SurfaceElasticity(Force):
             self._launch(
                 self._coupling.block_coupling, self._KC, self.alpha_u, self.alpha_v, self.flexure, self.twist, blocks
             )
+        self._halo.clear(blocks)
+
+    def add_majorant(self, body: BodyArrays, blocks: wp.array) -> None:
+        """Add bounds of cells and bending samples; on coupled charts as many diagonal blocks as a sample has nodes."""
+        if self.coupled:
+            super().add_majorant(body, blocks)
+            return
+        k = surface_majorant(self._lane_width, self._real, self.stiffness.orthogonal, self.bending)
+        self._launch(k.bound_cells, self._position, self.K, self.tension, self.K12, self.twist, self.flux)
+        self._halo.refresh(self.flux)
+        self._launch(k.bound_nodes, self.flux, self._KB, self.alpha_u, self.alpha_v, self.flexure, blocks)
         self._halo.clear(blocks)

@@ -53,6 +53,7 @@ class WindLoad(Force):
         self.facing: wp.array = wp.zeros((FACING_COMPONENTS, layout.rows, layout.columns), dtype=real, device=device)
         self._kernels = wind(body.lane_width, real)
         self._gusting = air.gusting
+        self.most_steps = 8 if self._gusting or callable(air.velocity) else self.most_steps
         if self._gusting:
             self._waves = air.waves()
             table = np.hstack([self._waves.wave_vectors / (2.0 * np.pi), self._waves.amplitudes])

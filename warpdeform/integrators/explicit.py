@@ -1,0 +1,219 @@
+"""Explicit steps: many in a row, none of which asks the host, and as many as stay stable.
+
+A burst of steps, in the order in which it is recorded:
+
+    keep the state; pinned nodes get the velocity that takes them to their targets; positions drift ahead
+    steps: forces at the positions as they are, kick, drift (:mod:`warpdeform.kernels.explicit`)
+    positions drift back; pins to their targets; greatest speed, work of loads and pins
+
+A burst is a whole frame, or as many steps as all terms can share one `prepare`: eight where pins, springs or wind
+change with time, one where obstacles move. Forces of wind and drag take the velocity that the last two steps lead on
+to; what is lagged in implicit steps (friction) is taken as the step finds it, and is of first order.
+
+The largest frequency is bounded before each call of `advance`, from diagonal blocks at the positions as they are; with
+fields of obstacles their steepest slope counts always, because nodes come into them within a burst.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+import warp as wp
+
+from warpdeform.errors import Mistake
+from warpdeform.forces.parameters import Parameters
+from warpdeform.integrators.explicit_body import ExplicitBody, takes_part
+from warpdeform.integrators.stepper import Problem, Replay, Stepper
+from warpdeform.kernels import explicit as entries
+from warpdeform.kernels.explicit import counting
+from warpdeform.launching import choose, do_each, launch_alone, repeat_while
+from warpdeform.linear.sums import Sums
+from warpdeform.result import Outcome, StepRecord
+
+SAFETY = 0.9
+"""Share of the stable step that is taken: the state changes before the next look at the largest frequency."""
+PINNED_STEPS = 8
+"""Steps of a burst where pins move: their path is straight within it."""
+MOST_DOUBLINGS = 6
+"""How often a burst that has failed is repeated with twice as many steps: down to a 64th of the step."""
+TAU = 1.0
+"""Velocities reach the terms as (z - w) / TAU [s]; no step could keep as many digits of them."""
+
+SPEED = 0
+RATE, DAMPING = 1, 2
+WORK = 3
+SCALARS = 5
+
+
+class ExplicitStepper(Stepper):
+    """Symplectic Euler and its kin: v' = v + dt a, x' = x + dt v'.
+
+    Args:
+        problem: What is to be carried.
+        ahead: How far positions are ahead of velocities while steps are taken, in steps: 0 or 1/2.
+        extrapolated: How far the velocity that loads take is extrapolated beyond the last one, in steps.
+    """
+
+    takes_frames = True
+
+    def __init__(self, problem: Problem, ahead: float, extrapolated: float) -> None:
+        super().__init__(problem)
+        self._ahead, self._extrapolated = ahead, extrapolated
+        device = self._device
+        self.sums = Sums(self.states)
+        self._displacing = any(takes_part(term) for own in self.terms for term in own)
+        pairs = zip(self.states, self.terms, strict=True)
+        self._bodies = [ExplicitBody(state, own, self._displacing) for state, own in pairs]
+        self._working = any(body.kick.working for body in self._bodies)
+        self._counts: wp.array = wp.zeros(entries.COUNTS, dtype=wp.int32, device=device)
+        self._left = self._counts[entries.LEFT : entries.LEFT + 1]
+        self._odd = self._counts[entries.ODD : entries.ODD + 1]
+        self._count = Parameters([0], wp.int32, device)
+        self._scalars: wp.array = wp.zeros(SCALARS, dtype=wp.float64, device=device)
+        self._pace = {state.real: Parameters(np.zeros(entries.PACE), state.real, device) for state in self.states}
+        moving = [PINNED_STEPS for state in self.states if state.model.pins_move]
+        self._most_steps = min([*moving, *(term.most_steps for own in self.terms for term in own)])
+        self._most_rate = max(term.most_rate for own in self.terms for term in own)
+        self._worst_node: tuple[int, tuple[int, ...]] = (0, ())
+
+    def recordings(self) -> Mapping[str, Callable[[], None]]:
+        return {"burst": self._burst, "limit": self._bound, "restore": self._restore}
+
+    def rehearse(self) -> None:
+        self._prepare(0.0, 1.0e-6, 3)
+        for record in self.recordings().values():
+            record()
+
+    def advance(self, start: float, end: float, steps: int, replay: Replay) -> list[StepRecord]:
+        limit = self.stable_step(replay)
+        needed = math.ceil((end - start) / limit)
+        if needed > steps and self.settings.time_step == "fixed":
+            return [_failed(Outcome.TOO_LONG, start, (end - start) / steps)]
+        attempts: list[StepRecord] = []
+        count, at, doublings = max(steps, needed), 0, 0
+        while at < count:
+            group = min(self._most_steps, count - at)
+            times = [start + (end - start) * k / count for k in (at, at + group)]
+            attempts.append(self._attempt(times[0], end if at + group == count else times[1], group, replay))
+            if attempts[-1].completed:
+                at += group
+            elif doublings < MOST_DOUBLINGS:
+                count, at, doublings = 2 * count, 2 * at, doublings + 1
+            else:
+                break
+        return attempts
+
+    def mistakes(self, replay: Replay) -> list[Mistake]:
+        settings = self.settings
+        if settings.time_step == "adaptive":
+            problem = "is for implicit methods: explicit ones follow what is stable"
+            return [
+                Mistake(
+                    "time_step", "adaptive", problem, f"Use auto, or another integrator than {settings.integrator}."
+                )
+            ]
+        limit = self.stable_step(replay)
+        if settings.time_step == "fixed" and settings.dt > limit:
+            problem = f"makes steps of {settings.dt:.3g} s, and {settings.integrator} is stable up to {limit:.3g} s"
+            remedy = f'Use {math.ceil(1.0 / (settings.fps * limit))} substeps or more, or time_step = "auto".'
+            return [Mistake("substeps", settings.substeps, problem, remedy)]
+        return []
+
+    def stable_step(self, replay: Replay) -> float:
+        """The largest step that is taken now [s]: the stable one, by the bound, times `SAFETY`.
+
+        With lambda the bound on squared frequencies and gamma that on rates of damping, both explicit,
+        lambda dt^2 + 2 gamma dt = 4.
+        """
+        replay("limit")
+        scalars = self._scalars.numpy()
+        rate, damping = float(scalars[RATE]) + self._most_rate, float(scalars[DAMPING])
+        damping *= 1.0 + 2.0 * self._extrapolated
+        fastest = damping + math.sqrt(damping * damping + 4.0 * rate)
+        return SAFETY * 4.0 / fastest if fastest > 0.0 else math.inf
+
+    def worst_node(self) -> tuple[int, tuple[int, ...]]:
+        return self._worst_node
+
+    def bytes(self) -> int:
+        return sum(body.bytes() for body in self._bodies)
+
+    def _attempt(self, start: float, end: float, count: int, replay: Replay) -> StepRecord:
+        """A burst; one that does not end finite leaves the state as it was."""
+        dt = (end - start) / count
+        self._prepare(start, end, count)
+        replay("burst")
+        scalars = self._scalars.numpy()
+        if math.isfinite(scalars[SPEED]):
+            work = float(scalars[WORK]) if self._working else 0.0
+            return StepRecord(Outcome.EXPLICIT, work=work, steps=count, start=start, dt=dt)
+        self._worst_node = self._first_bad_node()
+        replay("restore")
+        return _failed(Outcome.NOT_FINITE, start, dt)
+
+    def _prepare(self, start: float, end: float, count: int) -> None:
+        """Write what changes from burst to burst into device arrays (host)."""
+        dt = (end - start) / count
+        self._count.write([count])
+        for pace in self._pace.values():
+            pace.write([dt, 1.0 / dt, self._ahead * dt, self._extrapolated, 1.0 / (end - start)])
+        for state, own in zip(self.states, self.terms, strict=True):
+            state.model.place_targets(end)
+            for term in own:
+                # What is kept for several steps is that of their middle.
+                time = end if term.most_steps == 1 else 0.5 * (start + end)
+                term.prepare(time, end - start, TAU)
+
+    def _first_bad_node(self) -> tuple[int, tuple[int, ...]]:
+        for index, state in enumerate(self.states):
+            bad = np.argwhere(~np.isfinite(state.model.download(state.v)).all(axis=-1))
+            if len(bad):
+                return index, tuple(int(k) for k in bad[0])
+        return 0, (0,) * len(self.states[0].layout.nodes)
+
+    def _burst(self) -> None:
+        do_each(lambda thread: self._flush("enter_step", thread))
+        together = 1 if self._displacing else 2
+        inputs = [self._count.array, together, self._counts, self._iteration]
+        launch_alone(counting().begin_burst, 1, *inputs, device=self._device)
+        for body in self._bodies:
+            body.begin(self._pace)
+        repeat_while(self._left, self._steps, together=together)
+        if not self._displacing:
+            choose(self._odd, self._last_step, None)
+        if self._working:
+            self.sums.total_dots(WORK, self._scalars)
+        for body in self._bodies:
+            body.end(self._pace)
+        self.sums.greatest_dots(SPEED, self._scalars)
+        do_each(lambda thread: self._flush("leave_step", thread))
+
+    def _steps(self, together: int) -> None:
+        """One step in place, or two: to the other array of positions and back."""
+        for body in self._bodies:
+            if together == 1:
+                body.displacing_step(self._pace)
+            else:
+                body.step(self._pace, body.state.x, body.state.z)
+                body.step(self._pace, body.state.z, body.state.x)
+        launch_alone(counting().count_down, 1, self._counts, device=self._device)
+
+    def _last_step(self) -> None:
+        for body in self._bodies:
+            body.step(self._pace, body.state.x, body.state.z)
+            body.copy(body.state.z, body.state.x)
+
+    def _bound(self) -> None:
+        """Largest frequency and rate of damping into the scalars."""
+        for entry, damping in ((RATE, False), (DAMPING, True)):
+            for body in self._bodies:
+                body.bound(damping)
+            self.sums.greatest_dots(entry, self._scalars)
+
+    def _restore(self) -> None:
+        for body in self._bodies:
+            body.restore()
+
+
+def _failed(outcome: Outcome, start: float, dt: float) -> StepRecord:
+    return StepRecord(outcome, completed=False, steps=0, retries=1, start=start, dt=dt)

@@ -1,0 +1,115 @@
+"""What carries the bodies of a simulation through time: the face of the solvers that methods are written for."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from warpdeform.errors import Mistake
+from warpdeform.forces.force import Force
+from warpdeform.kernels.newton import decisions
+from warpdeform.result import StepRecord
+from warpdeform.settings import Settings
+from warpdeform.state import State
+
+Replay = Callable[[str], None]
+"""Runs what a stepper has recorded, by its name."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is to be carried through time.
+
+    Attributes:
+        states: The bodies.
+        terms: The terms of each body.
+        settings: Solver settings.
+        iteration: The iteration counter that the states share, int32, shape (1,).
+        threads: Threads that a step is shared by.
+    """
+
+    states: Sequence[State]
+    terms: Sequence[Sequence[Force]]
+    settings: Settings
+    iteration: wp.array
+    threads: int = 1
+
+    @property
+    def device(self) -> Any:
+        """Warp device."""
+        return self.states[0].device
+
+
+class Stepper:
+    """Carries all bodies at once over intervals of time.
+
+    What runs on the device is recorded once, as `recordings` names it, and replayed from then on; between replays the
+    host writes parameters and reads one small block of outcomes.
+
+    Args:
+        problem: What is to be carried.
+    """
+
+    takes_frames: bool = False
+    """Several steps are best taken in one call of `advance`."""
+    preconditioner_name: str = ""
+    """Name of the preconditioner; empty where nothing is solved."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.states, self.settings = tuple(problem.states), problem.settings
+        self.terms = [tuple(own) for own in problem.terms]
+        self._device, self._iteration = problem.device, problem.iteration
+        self._flushed: wp.array = wp.zeros(problem.threads, dtype=wp.int32, device=self._device)
+
+    def recordings(self) -> Mapping[str, Callable[[], None]]:
+        """Everything that is replayed, by name; each only launches."""
+        raise NotImplementedError
+
+    def rehearse(self) -> None:
+        """Launch every kernel of every recording once, so that all of them are loaded (host)."""
+        raise NotImplementedError
+
+    def advance(self, start: float, end: float, steps: int, replay: Replay) -> list[StepRecord]:
+        """Carry the bodies over an interval.
+
+        Args:
+            start: Its begin [s].
+            end: Its end [s].
+            steps: Equal steps to take unless the stepper needs more.
+            replay: Runs a recording.
+
+        Returns:
+            What was tried, in order. An attempt that is not completed has left the bodies as they were before it; if
+            the last one is not, the stepper has given up there.
+        """
+        raise NotImplementedError
+
+    def worst_node(self) -> tuple[int, tuple[int, ...]]:
+        """Index of the body, and node of it, that show why the last attempt was not completed (host)."""
+        raise NotImplementedError
+
+    def mistakes(self, replay: Replay) -> list[Mistake]:
+        """What of the settings does not suit the method, seen from the state at the start."""
+        return []
+
+    def restart(self) -> None:
+        """Forget what earlier steps have left: the state has been changed from outside."""
+
+    def reset(self) -> None:
+        """Forget all that was learnt, and write parameters as they are at the start of a run (host)."""
+        self.restart()
+        dt = self.settings.dt
+        for state, own in zip(self.states, self.terms, strict=True):
+            state.model.place_targets(0.0)
+            for term in own:
+                term.prepare(0.0, dt, dt)
+
+    def bytes(self) -> int:
+        """Device memory beside that of states and terms [bytes]."""
+        return 0
+
+    def _flush(self, name: str, thread: int) -> None:
+        """The floating-point mode is each thread's own."""
+        flushed = self._flushed[thread : thread + 1]
+        wp.launch(getattr(decisions(), name), dim=1, inputs=[flushed], device=self._device)
