@@ -2,8 +2,8 @@
 
 Cells. Of its corners' displacements a cell sees D, E and x, orthogonal combinations of them, so that the sum of their
 squares is at least |D|^2/2 + |E|^2/2 + |x|^2/4. Each corner gets the largest eigenvalue of the cell's Hessian in that
-measure, bounded by the largest row sum of K J S J' for the strains, J their derivatives by (D, E, x) and S = (2, 2, 4);
-by the larger of both blocks for the tensions; by the trace for the twist.
+measure. For the strains it is bounded by the root of the largest column sum of P^2, P = J S J' K with their derivatives
+J by (D, E, x) and S = (2, 2, 4); for the tensions by the larger of both blocks; for the twist by the trace.
 
 Nodes. A change e = sum c_i n.p_i of a curvature has e^2 <= (sum |c_j|) sum |c_i| |p_i|^2.
 
@@ -28,7 +28,9 @@ def surface_majorant(width: int, real: Any, orthogonal: bool, bending: bool) -> 
     words, shape = lanes(width, real), geometry(width, real, orthogonal)
     L, V = words.L, words.V
     load1, store1, add6, along_u = words.load1, words.store1, words.add6, words.along_u
-    dot3, mul, at_least, splat, isotropic = words.dot3, words.mul, words.at_least, words.splat, words.isotropic
+    dot3, mul, root, at_least, splat, isotropic = (
+        words.dot3, words.mul, words.root, words.at_least, words.splat, words.isotropic,
+    )  # fmt: skip
     diagonals, stress, cell_flux = shape.diagonals, shape.stress, shape.cell_flux
     zero, one, two, four = real(0.0), real(1.0), real(2.0), real(4.0)
     module = kernel_module(f"surface_majorant_{variant_name(orthogonal, bending)}", width, real)
@@ -42,14 +44,25 @@ def surface_majorant(width: int, real: Any, orthogonal: bool, bending: bool) -> 
         return b + at_least(a - b, zero)
 
     @wp.func
-    def row_sum(d: V, e: V, x: V, ss: L, st: L, sc: L, su: L, sv: L):
-        """Magnitudes of a row of K J S J', for a row of K."""
+    def image(K: wp.array3d(dtype=real), i: int, j: int, d: V, e: V, x: V, s: L, t: L, c: L, u: L, v: L):
+        """J S J' K (s, t, c, u, v)."""
+        ss, st, sc, su, sv = stress(K, i, j, s, t, c, u, v)
         fd, fe, fx = cell_flux(d, e, x, ss, st, sc, su, sv)
         dd, ee = two * dot3(d, fd), two * dot3(e, fe)
-        total = magnitude(dd + ee + four * dot3(x, fx)) + magnitude(two * (dot3(e, fd) + dot3(d, fe)))
-        total = total + magnitude(dd - ee)
-        total = total + magnitude(two * dot3(x, fd) + four * dot3(d, fx))
-        return total + magnitude(two * dot3(x, fe) + four * dot3(e, fx))
+        return (
+            dd + ee + four * dot3(x, fx),
+            two * (dot3(e, fd) + dot3(d, fe)),
+            dd - ee,
+            two * dot3(x, fd) + four * dot3(d, fx),
+            two * dot3(x, fe) + four * dot3(e, fx),
+        )
+
+    @wp.func
+    def column_sum(K: wp.array3d(dtype=real), i: int, j: int, d: V, e: V, x: V, s: L, t: L, c: L, u: L, v: L):
+        """Magnitudes of (J S J' K)^2 (s, t, c, u, v)."""
+        s1, t1, c1, u1, v1 = image(K, i, j, d, e, x, s, t, c, u, v)
+        s2, t2, c2, u2, v2 = image(K, i, j, d, e, x, s1, t1, c1, u1, v1)
+        return (magnitude(s2) + magnitude(t2)) + (magnitude(c2) + (magnitude(u2) + magnitude(v2)))
 
     @wp.kernel(module=module)
     def bound_cells(
@@ -65,22 +78,18 @@ def surface_majorant(width: int, real: Any, orthogonal: bool, bending: bool) -> 
         i, j = ii + 1, (group + 1) * width
         d, e, x = diagonals(r, i, j)
         o, unit = splat(zero), splat(one)
-        s0, s1, s2, s3, s4 = stress(K, i, j, unit, o, o, o, o)
-        bound = row_sum(d, e, x, s0, s1, s2, s3, s4)
-        s0, s1, s2, s3, s4 = stress(K, i, j, o, unit, o, o, o)
-        bound = larger(bound, row_sum(d, e, x, s0, s1, s2, s3, s4))
-        s0, s1, s2, s3, s4 = stress(K, i, j, o, o, unit, o, o)
-        bound = larger(bound, row_sum(d, e, x, s0, s1, s2, s3, s4))
-        s0, s1, s2, s3, s4 = stress(K, i, j, o, o, o, unit, o)
-        bound = larger(bound, row_sum(d, e, x, s0, s1, s2, s3, s4))
-        s0, s1, s2, s3, s4 = stress(K, i, j, o, o, o, o, unit)
-        bound = larger(bound, row_sum(d, e, x, s0, s1, s2, s3, s4))
+        square = column_sum(K, i, j, d, e, x, unit, o, o, o, o)
+        square = larger(square, column_sum(K, i, j, d, e, x, o, unit, o, o, o))
+        square = larger(square, column_sum(K, i, j, d, e, x, o, o, unit, o, o))
+        square = larger(square, column_sum(K, i, j, d, e, x, o, o, o, unit, o))
+        square = larger(square, column_sum(K, i, j, d, e, x, o, o, o, o, unit))
+        bound = root(square)
         across = larger(load1(tension, 0, i, j), load1(tension, 1, i, j)) + magnitude(load1(tension, 3, i, j))
         bound = bound + larger(two * across, four * load1(tension, 2, i, j))
         if wp.static(bending):
             gamma_d, gamma_e = load1(twist, 3, i, j), load1(twist, 4, i, j)
-            square = two * (mul(gamma_d, gamma_d) + mul(gamma_e, gamma_e)) + splat(four)
-            bound = bound + mul(load1(K12, 0, i, j), square)
+            length = two * (mul(gamma_d, gamma_d) + mul(gamma_e, gamma_e)) + splat(four)
+            bound = bound + mul(load1(K12, 0, i, j), length)
         store1(bound_out, 0, i, j, bound)
 
     @wp.func

@@ -18,6 +18,7 @@ import pytest
 import warp as wp
 
 import warpdeform.kernels
+from warpdeform.kernels.explicit import Kick
 from warpdeform.kernels.products import Gathering
 from warpdeform.kernels.surface import surface
 
@@ -30,7 +31,12 @@ GATHERINGS: list[Callable[[int, Any], Gathering]] = [
     for flags in itertools.product((False, True), repeat=2)
 ]
 """The gatherings of all elastic terms, by lane width and precision."""
-WORDS_ONLY = {"lanes", "distances", "geometry", "transfers", "transfer_tables"}
+KICKS: list[Callable[[int, Any], Kick]] = [
+    lambda width, real: Kick(surface(width, real, True, True).gathering, True, True, True, False, True),
+    lambda width, real: Kick(None, True, False, True, True, True),
+]
+"""Two explicit steps, which together have all there is to a kick, by lane width and precision."""
+WORDS_ONLY = {"lanes", "distances", "geometry", "transfers", "transfer_tables", "no_gathering"}
 """Factories of device functions that have no kernel of their own."""
 
 PROBE = wp.get_module("warpdeform_probe")
@@ -57,10 +63,10 @@ def variants() -> Iterator[Any]:
     """Every factory but those of words, with every combination of its options."""
     for factory in factories():
         parameters = inspect.signature(factory).parameters.values()
-        known: dict[Any, list[Any]] = {**VALUES, Gathering: GATHERINGS}
+        known: dict[Any, list[Any]] = {**VALUES, Gathering: GATHERINGS, Kick: KICKS}
         options = [known[p.name if p.name in known else p.annotation] for p in parameters]
         for chosen in itertools.product(*options) if factory.__name__ not in WORDS_ONLY else ():
-            values = tuple(value(*chosen[:2]) if value in GATHERINGS else value for value in chosen)
+            values = tuple(value(*chosen[:2]) if value in (*GATHERINGS, *KICKS) else value for value in chosen)
             words = [getattr(value, "__name__", getattr(value, "name", str(value))) for value in values]
             yield pytest.param(factory, values, id="-".join([factory.__name__, *words]))
 
@@ -108,7 +114,7 @@ def test_kernels_compile_for_cuda(
 def test_no_factory_of_kernels_is_overlooked() -> None:
     found = {factory.__name__ for factory in factories()}
     assert found >= WORDS_ONLY
-    assert {"krylov", "reductions", "stage", "decisions", "surface", "surface_coupling"} <= found
+    assert {"krylov", "reductions", "stage", "decisions", "surface", "surface_coupling", "kicks", "bursts"} <= found
     assert {"fields", "guards", "wind"} <= found
     modules = [kernels_of(*variant.values)[0].module.name for variant in VARIANTS]
     assert len(set(modules)) == len(modules)

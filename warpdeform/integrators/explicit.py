@@ -30,7 +30,7 @@ from warpdeform.launching import choose, do_each, launch_alone, repeat_while
 from warpdeform.linear.sums import Sums
 from warpdeform.result import Outcome, StepRecord
 
-SAFETY = 0.9
+SAFETY = 0.95
 """Share of the stable step that is taken: the state changes before the next look at the largest frequency."""
 PINNED_STEPS = 8
 """Steps of a burst where pins move: their path is straight within it."""

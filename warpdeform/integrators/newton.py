@@ -34,8 +34,8 @@ from warpdeform.linear import ConjugateGradient, LinearOperator, Sums, choose_pr
 from warpdeform.result import OUTCOMES, Outcome, StepRecord
 from warpdeform.state import State
 
-NEWTON_CAP = 100
-"""Most Newton iterations of a stage that iterates to a tolerance."""
+NEWTON_CAP = 400
+"""Most Newton iterations of a stage that iterates to a tolerance: slender strips that bend far need 160."""
 IMPACT_ITERATIONS = 4
 """Fewest Newton iterations of a step that meets an impact: one cannot tell the part that is stopped from the rest."""
 ULPS = 8.0
