@@ -23,7 +23,9 @@ ERROR = wp.constant(14)
 """Largest error of a position in the step, by the method's own estimate [m]."""
 UNSOLVED = wp.constant(15)
 """sqrt(r.z) that the last linear solve has left."""
-STEP_SCALARS = 16
+SPEED = wp.constant(16)
+"""Of the fastest node at the end of the step [m/s], where nothing but a limit keeps it from running away."""
+STEP_SCALARS = 17
 
 # Entries of the int32 state of a step.
 NEWTON_ACTIVE = wp.constant(0)
@@ -51,13 +53,16 @@ NOT_FINITE = wp.constant(5)
 STALLED = wp.constant(6)
 BROKEN = wp.constant(7)
 INACCURATE = wp.constant(8)
+RUNAWAY = wp.constant(9)
 
 # Entries of the float64 control parameters.
 ULP = wp.constant(0)
 UPDATE_TOLERANCE = wp.constant(1)
 TIME_TOLERANCE = wp.constant(2)
 """Largest error of a step that counts [m]."""
-CONTROL_REALS = 3
+MOST_SPEED = wp.constant(3)
+"""Speed of a node beyond which nobody believes a step [m/s]."""
+CONTROL_REALS = 4
 # Entries of the int32 control parameters.
 NEWTON_CAP = wp.constant(0)
 TO_TOLERANCE = wp.constant(1)
@@ -153,6 +158,27 @@ def decisions() -> SimpleNamespace:
             state_out[OUTCOME] = NOT_FINITE
         elif is_good(state_out[OUTCOME]) and scalars[ERROR] > control[TIME_TOLERANCE]:
             state_out[OUTCOME] = INACCURATE
+        elif is_good(state_out[OUTCOME]) and scalars[SPEED] > control[MOST_SPEED]:
+            state_out[OUTCOME] = RUNAWAY
+        state_out[ACCEPTED] = wp.where(is_good(state_out[OUTCOME]), 1, 0)
+
+    @wp.kernel(module=module)
+    def judge_solve(
+        cg_state: wp.array(dtype=wp.int32),
+        cg_cap: wp.array(dtype=wp.int32),
+        control: wp.array(dtype=wp.float64),
+        scalars: wp.array(dtype=wp.float64),
+        state_out: wp.array(dtype=wp.int32),
+    ):
+        """A step that is one linear solve counts if that has not broken down, and left speeds that one can believe."""
+        state_out[CG_TOTAL] = cg_state[1]
+        state_out[CG_BREAKDOWNS] = cg_state[2]
+        state_out[CG_CAPPED] = wp.where(cg_state[1] >= cg_cap[0], 1, 0)
+        state_out[OUTCOME] = wp.where(cg_state[2] == 1, BROKEN, FIXED)
+        if not wp.isfinite(scalars[SPEED]):
+            state_out[OUTCOME] = NOT_FINITE
+        elif scalars[SPEED] > control[MOST_SPEED]:
+            state_out[OUTCOME] = RUNAWAY
         state_out[ACCEPTED] = wp.where(is_good(state_out[OUTCOME]), 1, 0)
 
     @wp.kernel(module=module)
@@ -246,6 +272,7 @@ def decisions() -> SimpleNamespace:
         begin_stage=begin_stage,
         end_stage=end_stage,
         judge_step=judge_step,
+        judge_solve=judge_solve,
         choose_start=choose_start,
         begin_search=begin_search,
         judge_trial=judge_trial,

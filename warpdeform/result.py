@@ -18,6 +18,7 @@ class Outcome(Enum):
     INACCURATE = "The error of the step, as the method estimates it, is above the tolerance."
     NOT_FINITE = "The step is not finite."
     EXPLICIT = "Nothing was solved: the step is explicit."
+    RUNAWAY = "A node moves faster than anybody would believe."
     TOO_LONG = "The step is longer than those that are stable."
 
 
@@ -30,6 +31,7 @@ OUTCOMES = {
     6: Outcome.STALLED,
     7: Outcome.BROKEN,
     8: Outcome.INACCURATE,
+    9: Outcome.RUNAWAY,
 }
 """Outcomes by the codes of :mod:`warpdeform.kernels.newton`."""
 
@@ -39,6 +41,7 @@ REMEDIES = {
     Outcome.INACCURATE: "Use a larger time_tolerance, or precision float64.",
     Outcome.CAPPED: "Use more substeps, a larger newton_tolerance, or another integrator.",
     Outcome.NOT_FINITE: "Use more substeps, precision float64, or softer materials and slower obstacles.",
+    Outcome.RUNAWAY: "Use an integrator that is stable at any step (bdf2), or more substeps.",
     Outcome.STALLED: "Use precision float64, a larger newton_tolerance, or more substeps.",
     Outcome.TOO_LONG: 'Use more substeps, or time_step = "auto".',
 }

@@ -1,6 +1,7 @@
 """Explicit steps: known frequencies, the largest stable step, energy, loads, pins on their way, failures, same bits."""
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -240,7 +241,7 @@ def test_moving_pins_move_while_a_frame_goes_on() -> None:
         simulation = explicit(hanging((5, 6), pins=(Pin("edge:u,0", track),)), fps=10.0, substeps=substeps)
         simulation.advance_frame()
         ends.append(simulation["sheet"].positions())
-    changes = [np.abs(b - a).max() for a, b in zip(ends, ends[1:], strict=False)]
+    changes = [np.abs(b - a).max() for a, b in pairwise(ends)]
     assert changes[1] < 0.4 * changes[0] < 0.01
 
 

@@ -144,12 +144,13 @@ class ExplicitStepper(Stepper):
         self._prepare(start, end, count)
         replay("burst")
         scalars = self._scalars.numpy()
-        if math.isfinite(scalars[SPEED]):
+        if scalars[SPEED] <= self._most_speed:
             work = float(scalars[WORK]) if self._working else 0.0
             return StepRecord(Outcome.EXPLICIT, work=work, steps=count, start=start, dt=dt)
-        self._worst_node = self._first_bad_node()
+        self._worst_node = self._fastest_node()
         replay("restore")
-        return _failed(Outcome.NOT_FINITE, start, dt)
+        outcome = Outcome.RUNAWAY if math.isfinite(scalars[SPEED]) else Outcome.NOT_FINITE
+        return _failed(outcome, start, dt)
 
     def _prepare(self, start: float, end: float, count: int) -> None:
         """Write what changes from burst to burst into device arrays (host)."""
@@ -164,12 +165,13 @@ class ExplicitStepper(Stepper):
                 time = end if term.most_steps == 1 else 0.5 * (start + end)
                 term.prepare(time, end - start, TAU)
 
-    def _first_bad_node(self) -> tuple[int, tuple[int, ...]]:
-        for index, state in enumerate(self.states):
-            bad = np.argwhere(~np.isfinite(state.model.download(state.v)).all(axis=-1))
-            if len(bad):
-                return index, tuple(int(k) for k in bad[0])
-        return 0, (0,) * len(self.states[0].layout.nodes)
+    def _fastest_node(self) -> tuple[int, tuple[int, ...]]:
+        """Body and node, one that is not finite before all others."""
+        speeds = [np.linalg.norm(state.model.download(state.v), axis=-1) for state in self.states]
+        speeds = [np.nan_to_num(speed, nan=np.inf) for speed in speeds]
+        index = int(np.argmax([speed.max() for speed in speeds]))
+        node = np.unravel_index(int(speeds[index].argmax()), speeds[index].shape)
+        return index, tuple(int(k) for k in node)
 
     def _burst(self) -> None:
         do_each(lambda thread: self._flush("enter_step", thread))

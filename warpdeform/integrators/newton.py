@@ -15,7 +15,6 @@ do not count leave the state as it was, and are repeated as their control says (
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 import warp as wp
@@ -26,10 +25,7 @@ from warpdeform.integrators.control import AdaptiveSteps, FixedSteps, StepContro
 from warpdeform.integrators.integrator import ImplicitMethod
 from warpdeform.integrators.stepper import Problem, Replay, Stepper
 from warpdeform.kernels import newton as entries
-from warpdeform.kernels.krylov import krylov
-from warpdeform.kernels.newton import decisions
-from warpdeform.kernels.stage import stage
-from warpdeform.launching import choose, do_each, launch_alone, launch_lanes, repeat_while
+from warpdeform.launching import choose, do_each, repeat_while
 from warpdeform.linear import ConjugateGradient, LinearOperator, Sums, choose_preconditioner
 from warpdeform.result import OUTCOMES, Outcome, StepRecord
 from warpdeform.state import State
@@ -41,8 +37,9 @@ IMPACT_ITERATIONS = 4
 ULPS = 8.0
 """Relative round-off of a potential, in units of the precision's epsilon: a sum of products of differences."""
 
-W, Y, START, NEXT, ERROR = range(5)
-"""Rows of the weights that make the stage vectors, the prediction for the next step, and the estimate of the error."""
+W, Y, START, NEXT, ERROR, SPEED = range(6)
+"""Rows of the weights that make the stage vectors, the prediction for the next step, and the lengths of the estimate of
+the error and of the velocity."""
 
 
 class NewtonStepper(Stepper):
@@ -76,15 +73,16 @@ class NewtonStepper(Stepper):
         epsilon = np.finfo(np.float32 if settings.precision == "float32" else np.float64).eps
         spacing = min(state.model.spacing for state in self.states)
         adaptive = settings.time_step == "adaptive"
-        tolerances = [settings.newton_tolerance * spacing, settings.time_tolerance if adaptive else np.inf]
-        self._control: wp.array = wp.array([ULPS * epsilon, *tolerances], dtype=wp.float64, device=device)
+        time_tolerance = settings.time_tolerance if adaptive else np.inf
+        control = [ULPS * epsilon, settings.newton_tolerance * spacing, time_tolerance, self._most_speed]
+        self._control: wp.array = wp.array(control, dtype=wp.float64, device=device)
         iterations = settings.newton_iterations if method.iterations is None else method.iterations
         to_tolerance = iterations == 0
         self._settled = [NEWTON_CAP if to_tolerance else iterations, int(to_tolerance), 0]
         fewest = IMPACT_ITERATIONS if method.searches else 1
         self._hit = [max(self._settled[0], fewest), int(to_tolerance), 1]
         self._limits = Parameters(self._settled, wp.int32, device)
-        self._weights = {s.real: Parameters(np.zeros((5, 3)), s.real, device) for s in self.states}
+        self._weights = {s.real: Parameters(np.zeros((6, 3)), s.real, device) for s in self.states}
         self._rate = {s.real: Parameters([1.0], s.real, device) for s in self.states}
         self._mass = sum(float(state.model.node_mass.sum()) for state in self.states)
         self._steps: StepControl = AdaptiveSteps(settings.time_tolerance) if adaptive else FixedSteps()
@@ -123,23 +121,6 @@ class NewtonStepper(Stepper):
     def bytes(self) -> int:
         return self.operator.bytes() + self.preconditioner.bytes()
 
-    def worst_node(self) -> tuple[int, tuple[int, ...]]:
-        """The first node that is not finite, before or after the attempt, or else the one with the largest residual."""
-        for name in ("x", "z"):
-            for index, state in enumerate(self.states):
-                bad = np.argwhere(~np.isfinite(state.model.download(getattr(state, name))).all(axis=-1))
-                if len(bad):
-                    return index, tuple(int(k) for k in bad[0])
-        worst: tuple[float, int, tuple[int, ...]] = (-1.0, 0, (0,) * len(self.states[0].layout.nodes))
-        for index, state in enumerate(self.states):
-            model = state.model
-            force = np.linalg.norm(model.download(state.gradient) * model.download(state.free), axis=-1)
-            residual = np.nan_to_num(force / model.node_mass, nan=np.inf)
-            node = np.unravel_index(int(residual.argmax()), residual.shape)
-            if residual[node] > worst[0]:
-                worst = (float(residual[node]), index, tuple(int(k) for k in node))
-        return worst[1:]
-
     @property
     def _stages(self) -> int:
         return len(self.method.stage_history)
@@ -169,7 +150,7 @@ class NewtonStepper(Stepper):
         self._limits.write(self._hit if self._impact_ahead else self._settled)
         self._tau = stage_.tau
         self.operator.set_tau(stage_.tau)
-        rows = [stage_.w, stage_.y, stage_.start, (0.0, dt, 0.0), error.weights]
+        rows = [stage_.w, stage_.y, stage_.start, (0.0, dt, 0.0), error.weights, (0.0, 0.0, 1.0)]
         for real in self._weights:
             self._weights[real].write(rows)
             self._rate[real].write([1.0 / stage_.tau])
@@ -286,14 +267,20 @@ class NewtonStepper(Stepper):
                 self._stage(state, "accept", *inputs, state.x_mid, state.v_mid)
             return
         self._greatest("gradient", "mass", entries.RESIDUAL)
+        self._estimate(k, ERROR, entries.ERROR)
+        if not self.method.searches:
+            self._estimate(k, SPEED, entries.SPEED)
+        self._decide("judge_step", self._control, self._scalars, self._state)
+        choose(self._accepted, self._accept, None)
+
+    def _estimate(self, k: int, row: int, entry: int) -> None:
+        """The longest vector that a row of the weights makes of velocities into the scalars."""
         for state in self.states:
             vector = getattr(state, self.method.stage_history[k][1])
             weights, rate = self._weights[state.real].array, self._rate[state.real].array
             vectors = (state.free, state.v, vector, state.z, state.w)
-            self._stage(state, "estimate", weights, ERROR, rate, *vectors, state.dots)
-        self.sums.greatest_dots(entries.ERROR, self._scalars)
-        self._decide("judge_step", self._control, self._scalars, self._state)
-        choose(self._accepted, self._accept, None)
+            self._stage(state, "estimate", weights, row, rate, *vectors, state.dots)
+        self.sums.greatest_dots(entry, self._scalars)
 
     def _accept(self) -> None:
         """The step counts: what it leaves to the next ones."""
@@ -358,17 +345,6 @@ class NewtonStepper(Stepper):
         for state in self.states:
             self._lanes(state, "largest", getattr(state, vector), getattr(state, weight), state.free, state.dots)
         self.sums.greatest_dots(entry, self._scalars)
-
-    def _stage(self, state: State, name: str, *inputs: Any) -> None:
-        kernel = getattr(stage(state.lane_width, state.real), name)
-        launch_lanes(kernel, state.layout, *inputs, device=self._device)
-
-    def _lanes(self, state: State, name: str, *inputs: Any) -> None:
-        kernel = getattr(krylov(state.lane_width, state.real), name)
-        launch_lanes(kernel, state.layout, *inputs, device=self._device)
-
-    def _decide(self, name: str, *inputs: Any) -> None:
-        launch_alone(getattr(decisions(), name), 1, *inputs, device=self._device)
 
 
 def _foresees(term: Force) -> bool:

@@ -4,11 +4,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from warpdeform.errors import Mistake
 from warpdeform.forces.force import Force
+from warpdeform.kernels.krylov import krylov
 from warpdeform.kernels.newton import decisions
+from warpdeform.kernels.stage import stage
+from warpdeform.launching import launch_alone, launch_lanes
 from warpdeform.result import StepRecord
 from warpdeform.settings import Settings
 from warpdeform.state import State
@@ -41,6 +45,15 @@ class Problem:
         return self.states[0].device
 
 
+MOST_SIZES = 30.0
+"""Sizes of the largest body that a node may move by in a 60th of a second, or a shorter frame, before a step of a method
+that nothing else bounds is disbelieved;"""
+SLOW = 2000.0
+"""but any speed below this one [m/s], and what a fall of this long adds to it, is believed:"""
+LONG_FALL = 100.0
+"""[s]."""
+
+
 class Stepper:
     """Carries all bodies at once over intervals of time.
 
@@ -60,6 +73,10 @@ class Stepper:
         self.states, self.settings = tuple(problem.states), problem.settings
         self.terms = [tuple(own) for own in problem.terms]
         self._device, self._iteration = problem.device, problem.iteration
+        extents = [np.ptp(s.model.initial_positions.reshape(-1, 3), axis=0) for s in self.states]
+        size = max(float(np.linalg.norm(extent)) for extent in extents)
+        believed = SLOW + LONG_FALL * float(np.linalg.norm(self.settings.gravity))
+        self._most_speed = max(MOST_SIZES * size * max(self.settings.fps, 60.0), believed)
         self._flushed: wp.array = wp.zeros(problem.threads, dtype=wp.int32, device=self._device)
 
     def recordings(self) -> Mapping[str, Callable[[], None]]:
@@ -86,8 +103,24 @@ class Stepper:
         raise NotImplementedError
 
     def worst_node(self) -> tuple[int, tuple[int, ...]]:
-        """Index of the body, and node of it, that show why the last attempt was not completed (host)."""
-        raise NotImplementedError
+        """Index of the body, and node of it, that show why the last attempt was not completed (host).
+
+        The first node that is not finite, before or after the attempt, or else the one with the largest residual.
+        """
+        for name in ("x", "z"):
+            for index, state in enumerate(self.states):
+                bad = np.argwhere(~np.isfinite(state.model.download(getattr(state, name))).all(axis=-1))
+                if len(bad):
+                    return index, tuple(int(k) for k in bad[0])
+        worst: tuple[float, int, tuple[int, ...]] = (-1.0, 0, ())
+        for index, state in enumerate(self.states):
+            model = state.model
+            force = np.linalg.norm(model.download(state.gradient) * model.download(state.free), axis=-1)
+            residual = np.nan_to_num(force / model.node_mass, nan=np.inf)
+            node = np.unravel_index(int(residual.argmax()), residual.shape)
+            if residual[node] > worst[0]:
+                worst = (float(residual[node]), index, tuple(int(k) for k in node))
+        return worst[1:]
 
     def mistakes(self, replay: Replay) -> list[Mistake]:
         """What of the settings does not suit the method, seen from the state at the start."""
@@ -108,6 +141,20 @@ class Stepper:
     def bytes(self) -> int:
         """Device memory beside that of states and terms [bytes]."""
         return 0
+
+    def _stage(self, state: State, name: str, *inputs: Any) -> None:
+        """Launch a kernel of :mod:`warpdeform.kernels.stage` over a body."""
+        kernel = getattr(stage(state.lane_width, state.real), name)
+        launch_lanes(kernel, state.layout, *inputs, device=self._device)
+
+    def _lanes(self, state: State, name: str, *inputs: Any) -> None:
+        """Launch a kernel of :mod:`warpdeform.kernels.krylov` over a body."""
+        kernel = getattr(krylov(state.lane_width, state.real), name)
+        launch_lanes(kernel, state.layout, *inputs, device=self._device)
+
+    def _decide(self, name: str, *inputs: Any) -> None:
+        """Launch a decision of :mod:`warpdeform.kernels.newton`."""
+        launch_alone(getattr(decisions(), name), 1, *inputs, device=self._device)
 
     def _flush(self, name: str, thread: int) -> None:
         """The floating-point mode is each thread's own."""
