@@ -19,7 +19,8 @@ from warpdeform.simulation import Simulation
 
 KEYS = {
     "frames", "nodes", "sim_s", "wall_s", "setup_s", "newton_iterations", "cg_iterations", "newton_unconverged",
-    "retries", "max_residual", "max_stretch", "energy", "device", "precision", "integrator", "output",
+    "retries", "steps", "outcomes", "error_estimate", "max_residual", "max_stretch", "energy", "device", "precision",
+    "integrator", "output",
 }  # fmt: skip
 COARSE = ("--device", "cpu", "--set", "body.0.nodes=[7,6]")
 

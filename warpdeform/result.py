@@ -7,7 +7,7 @@ from typing import Any
 
 
 class Outcome(Enum):
-    """How the Newton iteration of a step ended; the value is the sentence for people."""
+    """How a step ended; the value is the sentence for people."""
 
     CONVERGED = "Newton converged: the largest update is below the tolerance."
     ROUND_OFF = "Newton ended at round-off: the potential cannot be lowered in this precision."
@@ -90,6 +90,10 @@ class StepRecord:
     unsolved: float = 0.0
 
 
+ORDINARY = (Outcome.CONVERGED, Outcome.FIXED, Outcome.EXPLICIT)
+"""Outcomes that need no mention."""
+
+
 def joined(attempts: Sequence[StepRecord]) -> StepRecord:
     """Attempts in a row as one record: counts and works added up, the worst residual, and how the last one ended."""
     last = attempts[-1]
@@ -139,7 +143,11 @@ class RunRecord:
         newton_unconverged: Steps whose Newton iteration was to converge and did not.
         cg_breakdowns: Linear solves that broke down.
         cg_capped: Linear solves that reached their cap before the tolerance.
-        retries: Steps repeated with a smaller time step.
+        retries: Attempts at a step that were not completed, and repeated with a smaller time step.
+        outcomes: How many steps, and attempts at steps, ended how: the names of :class:`Outcome` in lower case.
+        error_estimate: What the run has added up [m]: `time_step`, the largest errors of each step by the method's own
+            estimate, which bounds nothing but is of the size of the error at the end of short runs; `linear_solve`,
+            the root mean square of what each step's last linear solve has left undone.
         max_residual: Largest unbalanced force over node mass of any step [N/kg].
         max_stretch: Longest edge over its rest length, of all frames.
         energy: Energies at the end [J].
@@ -161,6 +169,8 @@ class RunRecord:
     cg_breakdowns: int = 0
     cg_capped: int = 0
     retries: int = 0
+    outcomes: dict[str, int] = field(default_factory=dict)
+    error_estimate: dict[str, float] = field(default_factory=lambda: {"time_step": 0.0, "linear_solve": 0.0})
     max_residual: float = 0.0
     max_stretch: float = 1.0
     energy: Energy = field(default_factory=Energy)
@@ -170,13 +180,19 @@ class RunRecord:
     output: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """The record as plain numbers, strings and one nested dict."""
-        return {**vars(self), "energy": dict(vars(self.energy))}
+        """The record as plain numbers, strings and dicts of them."""
+        nested = {name: dict(getattr(self, name)) for name in ("outcomes", "error_estimate")}
+        return {**vars(self), **nested, "energy": dict(vars(self.energy))}
 
     def add_step(self, step: StepRecord) -> None:
         """Book one attempt at a step, or several steps in a row."""
         self.steps += step.steps
         self.retries += step.retries
+        ended = step.outcome.name.lower()
+        self.outcomes[ended] = self.outcomes.get(ended, 0) + step.steps + step.retries
+        if step.completed:
+            self.error_estimate["time_step"] += step.error
+            self.error_estimate["linear_solve"] += step.unsolved
         self.newton_iterations += step.newton_iterations
         self.cg_iterations += step.cg_iterations
         self.newton_unconverged += step.outcome in (Outcome.CAPPED, Outcome.STALLED)

@@ -142,7 +142,19 @@ class Simulation:
         energy = Energy(work_in=self._record.energy.work_in)
         for handle in self.bodies:
             handle.add_energies(energy)
-        return replace(self._record, frames=self.frame + 1, sim_s=self.time, energy=energy)
+        return replace(
+            self._record,
+            frames=self.frame + 1,
+            sim_s=self.time,
+            energy=energy,
+            outcomes=dict(self._record.outcomes),
+            error_estimate=dict(self._record.error_estimate),
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the method does otherwise than the settings say, as sentences for people."""
+        return self._stepper.notes
 
     def info(self) -> SimulationInfo:
         """Terms, kernels and bytes of every body."""

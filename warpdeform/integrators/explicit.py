@@ -113,9 +113,12 @@ class ExplicitStepper(Stepper):
                 )
             ]
         limit = self.stable_step(replay)
+        needed = math.ceil(1.0 / (settings.fps * limit))
+        if settings.dt > limit:
+            self.notes = (f"{settings.integrator} takes {needed} steps a frame or more, to be stable.",)
         if settings.time_step == "fixed" and settings.dt > limit:
             problem = f"makes steps of {settings.dt:.3g} s, and {settings.integrator} is stable up to {limit:.3g} s"
-            remedy = f'Use {math.ceil(1.0 / (settings.fps * limit))} substeps or more, or time_step = "auto".'
+            remedy = f'Use {needed} substeps or more, or time_step = "auto".'
             return [Mistake("substeps", settings.substeps, problem, remedy)]
         return []
 

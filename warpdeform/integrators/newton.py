@@ -77,6 +77,8 @@ class NewtonStepper(Stepper):
         control = [ULPS * epsilon, settings.newton_tolerance * spacing, time_tolerance, self._most_speed]
         self._control: wp.array = wp.array(control, dtype=wp.float64, device=device)
         iterations = settings.newton_iterations if method.iterations is None else method.iterations
+        if iterations != settings.newton_iterations:
+            self.notes = (f"{method.name} {_iterates(iterations)}; newton_iterations is for other integrators.",)
         to_tolerance = iterations == 0
         self._settled = [NEWTON_CAP if to_tolerance else iterations, int(to_tolerance), 0]
         fewest = IMPACT_ITERATIONS if method.searches else 1
@@ -345,6 +347,10 @@ class NewtonStepper(Stepper):
         for state in self.states:
             self._lanes(state, "largest", getattr(state, vector), getattr(state, weight), state.free, state.dots)
         self.sums.greatest_dots(entry, self._scalars)
+
+
+def _iterates(iterations: int) -> str:
+    return f"makes {iterations} Newton iteration a step" if iterations else "has to converge, to newton_tolerance"
 
 
 def _foresees(term: Force) -> bool:

@@ -46,12 +46,12 @@ class Problem:
 
 
 MOST_SIZES = 30.0
-"""Sizes of the largest body that a node may move by in a 60th of a second, or a shorter frame, before a step of a method
-that nothing else bounds is disbelieved;"""
+"""Sizes of the largest body that a node may move by in a frame, or a 60th of a second where frames are longer, before a
+step of a method that nothing else bounds is disbelieved."""
 SLOW = 2000.0
-"""but any speed below this one [m/s], and what a fall of this long adds to it, is believed:"""
+"""Speed that is believed of any body [m/s],"""
 LONG_FALL = 100.0
-"""[s]."""
+"""and what a fall of this time adds to it [s]."""
 
 
 class Stepper:
@@ -66,6 +66,8 @@ class Stepper:
 
     takes_frames: bool = False
     """Several steps are best taken in one call of `advance`."""
+    notes: tuple[str, ...] = ()
+    """What the method does otherwise than the settings say, as sentences for people."""
     preconditioner_name: str = ""
     """Name of the preconditioner; empty where nothing is solved."""
 
