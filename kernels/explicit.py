@@ -33,7 +33,9 @@ DRIFT = wp.constant(2)
 THETA = wp.constant(3)
 PER_BURST = wp.constant(4)
 """One over the time from the start of the burst to its end [1/s]."""
-PACE = 5
+FRESH = wp.constant(5)
+"""1 where no steps went before."""
+PACE = 6
 
 # Entries of the int32 counts of a burst.
 LEFT = wp.constant(0)
@@ -207,11 +209,16 @@ def bursts(width: int, real: Any) -> SimpleNamespace:
         store3(x_out, 0, i, j, load3(x_out, 0, i, j) + load3(d, 0, i, j))
 
     @wp.kernel(module=module)
-    def trail(x: wp.array3d(dtype=real), v: wp.array3d(dtype=real), w_out: wp.array3d(dtype=real)):
-        """w for the first step: its velocity is the one at hand."""
+    def trail(
+        pace: wp.array(dtype=real), x: wp.array3d(dtype=real), v: wp.array3d(dtype=real), w_out: wp.array3d(dtype=real)
+    ):
+        """w for the first step, from the velocity that the steps before have left there, or the one at hand."""
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        store3(w_out, 0, i, j, load3(x, 0, i, j) - load3(v, 0, i, j))
+        u = load3(w_out, 0, i, j)
+        if pace[FRESH] > real(0.0):
+            u = load3(v, 0, i, j)
+        store3(w_out, 0, i, j, load3(x, 0, i, j) - u)
 
     @wp.kernel(module=module)
     def greatest_speed(v: wp.array3d(dtype=real), partials_out: wp.array2d(dtype=wp.float64)):

@@ -177,7 +177,7 @@ def decisions() -> SimpleNamespace:
         state_out[OUTCOME] = wp.where(cg_state[2] == 1, BROKEN, FIXED)
         if not wp.isfinite(scalars[SPEED]):
             state_out[OUTCOME] = NOT_FINITE
-        elif scalars[SPEED] > control[MOST_SPEED]:
+        elif is_good(state_out[OUTCOME]) and scalars[SPEED] > control[MOST_SPEED]:
             state_out[OUTCOME] = RUNAWAY
         state_out[ACCEPTED] = wp.where(is_good(state_out[OUTCOME]), 1, 0)
 

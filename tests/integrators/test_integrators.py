@@ -7,7 +7,8 @@ import pytest
 from surfaces import MATERIALS
 
 from warpdeform.body import Body, Pin, Spring
-from warpdeform.integrators import BDF2, INTEGRATORS, ImplicitEuler, Stage
+from warpdeform.integrators import BDF2, INTEGRATORS, SDIRK2, TRBDF2, ImplicitEuler, Stage
+from warpdeform.integrators.sdirk2 import embedded
 from warpdeform.material import Material
 from warpdeform.result import Outcome
 from warpdeform.settings import Settings
@@ -30,8 +31,8 @@ def combined(weights: tuple[float, float, float], x: Any, x_before: Any, v: Any,
 
 def test_methods_are_found_by_name_and_say_their_order() -> None:
     assert {name: method.order for name, method in INTEGRATORS.items()} == {
-        "symplectic-euler": 1, "verlet": 2, "linear-implicit": 1, "implicit-euler": 1, "bdf2": 2, "tr-bdf2": 2,
-        "sdirk2": 2, "energy-momentum": 2,
+        "symplectic-euler": 1, "verlet": 2, "terzopoulos": 1, "terzopoulos-exact": 1, "linear-implicit": 1,
+        "implicit-euler": 1, "bdf2": 2, "tr-bdf2": 2, "sdirk2": 2, "energy-momentum": 2,
     }  # fmt: skip
 
 
@@ -62,6 +63,66 @@ def test_bdf2_with_equal_steps_is_the_textbook_formula() -> None:
 def test_bdf2_starts_as_implicit_euler() -> None:
     assert BDF2().stages(0.1, None) == ImplicitEuler().stages(0.1, None)
     assert BDF2().stages(0.25, 0.1) == ImplicitEuler().stages(0.25, None)  # too long after the step before
+
+
+def test_sdirk2_is_the_rows_of_the_table() -> None:
+    # tau = g dt; w2 = x + (1 - g) dt v1, y2 = w2 + tau (v + (1 - g) dt a1), start x + dt v1 (design 6.1).
+    dt, g, (x, v, z1) = 0.1, 1 - 1 / np.sqrt(2), np.random.default_rng(0).normal(size=3)
+    first, second = SDIRK2().stages(dt, None)
+    assert first.tau == second.tau == pytest.approx(g * dt)
+    assert (first.end, second.end) == (pytest.approx(g), 1.0)
+    assert combined(first.y, x, x, v, v) == combined(first.start, x, x, v, v) == pytest.approx(x + first.tau * v)
+    assert combined(first.w, x, x, v, v) == x
+    v1 = (z1 - x) / first.tau
+    a1 = (v1 - v) / first.tau
+    w2 = x + (1 - g) * dt * v1
+    assert combined(second.w, x, x, v, v1) == pytest.approx(w2, rel=1e-13)
+    assert combined(second.y, x, x, v, v1) == pytest.approx(w2 + second.tau * (v + (1 - g) * dt * a1), rel=1e-13)
+    assert combined(second.start, x, x, v, v1) == pytest.approx(x + dt * v1, rel=1e-13)
+
+
+def test_tr_bdf2_is_the_rows_of_the_table() -> None:
+    dt, g, (x, v, a, zg) = 0.1, 2 - np.sqrt(2), np.random.default_rng(1).normal(size=4)
+    first, second = TRBDF2().stages(dt, dt)
+    tau = g * dt / 2
+    assert first.tau == second.tau == pytest.approx(tau)
+    assert (first.end, second.end) == (pytest.approx(g), 1.0)
+    assert combined(first.w, x, x, v, a) == pytest.approx(x + tau * v)
+    assert combined(first.y, x, x, v, a) == pytest.approx(x + g * dt * v + tau**2 * a)
+    assert combined(first.start, x, x, v, a) == pytest.approx(x + g * dt * v)
+    vg = (zg - combined(first.w, x, x, v, a)) / tau
+    c1, c2 = 1 / (g * (2 - g)), (1 - g) ** 2 / (g * (2 - g))
+    w2 = c1 * zg - c2 * x
+    assert combined(second.w, x, zg, v, vg) == pytest.approx(w2, rel=1e-13)
+    assert combined(second.y, x, zg, v, vg) == pytest.approx(w2 + tau * (c1 * vg - c2 * v), rel=1e-13)
+    assert combined(second.start, x, zg, v, vg) == pytest.approx(zg + (1 - g) * dt * vg, rel=1e-13)
+    assert TRBDF2().stages(dt, None) == SDIRK2().stages(dt, None)
+
+
+@pytest.mark.parametrize("ratio", RATIOS)
+@pytest.mark.parametrize("method", [ImplicitEuler(), BDF2()], ids=lambda method: method.name)
+def test_error_estimate_is_that_of_the_first_monomial_the_method_gets_wrong(method: Any, ratio: float) -> None:
+    # Of x = t^(order + 1)/(order + 1)!, with the velocity of the past exact.
+    dt, p = 0.1, method.order
+    before = dt / ratio
+    (stage,) = method.stages(dt, before)
+    x = np.polynomial.Polynomial([0.0] * (p + 1) + [1.0])
+    v = x.deriv()
+    estimate = method.error(dt, before)
+    assert estimate.order == p
+    found = sum(w * value for w, value in zip(estimate.weights, (v(0), v(-before), v(dt)), strict=True))
+    # The step with the exact velocity at its end: x' = w + tau v'.
+    wrong = combined(stage.w, x(0), x(-before), v(0), v(-before)) + stage.tau * v(dt) - x(dt)
+    assert found == pytest.approx(wrong, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("middle", "weights"), [(1 - 1 / np.sqrt(2), (0.0, 1 / np.sqrt(2), 1 - 1 / np.sqrt(2)))], ids=["sdirk2"]
+)
+def test_embedded_quadrature_is_exact_for_parabolas(middle: float, weights: tuple[float, float, float]) -> None:
+    change = np.array(embedded(1.0, middle, weights)) + weights
+    for power in range(3):
+        assert change @ np.array([0.0, middle, 1.0]) ** power == pytest.approx(1 / (power + 1))
 
 
 @pytest.mark.parametrize("ratio", RATIOS)

@@ -117,7 +117,10 @@ def test_begin_drift_and_move(real: Any, width_index: int) -> None:
     ahead_of = run.launch(k.drift_ahead, run.pace, run.v, run.poison())[-1]
     np.testing.assert_allclose(ahead_of, ahead * run.v, atol=4 * epsilon)
     np.testing.assert_allclose(run.launch(k.add, run.z, run.x)[-1], run.x + run.z, atol=4 * epsilon)
-    np.testing.assert_allclose(run.launch(k.trail, run.x, run.v, run.poison())[-1], run.x - run.v, atol=4 * epsilon)
+    for fresh, u in ((1.0, run.v), (0.0, run.z)):
+        before = wp.array([*PACE[:5], fresh], dtype=real, device="cpu")
+        found = run.launch(k.trail, before, run.x, run.v, np.full_like(run.z, np.nan) if fresh else run.z)[-1]
+        np.testing.assert_allclose(found, run.x - u, atol=4 * epsilon)
     move = kicks(run.width, real, kick).move
     d = run.g
     x, v, w = run.launch(move, run.pace, d, run.z, run.x, run.v, run.poison())[-3:]

@@ -106,7 +106,8 @@ class PaperElasticity(Force):
 def paper_weights(grid: ParameterGrid, rest: Array, material: Material) -> tuple[Array, bool]:
     """eta and xi of undivided differences, each times the area of its sample; zero beyond borders.
 
-    Trapezoid weights go with the masses of border nodes, which are halved too.
+    Differences enter four times with eta: twice in G, once in u, once in what is made of both; with xi second
+    differences enter three times. Trapezoid weights go with the masses of border nodes, which are halved too.
 
     Returns:
         Weights of G11, G22, G12, B11, B22, B12, shape (nu, nv, 6), and whether any of the last three is not zero.
@@ -142,7 +143,7 @@ def paper_weights(grid: ParameterGrid, rest: Array, material: Material) -> tuple
     weights = np.stack(
         [
             eta[0] * edge_u / l1**2, eta[1] * edge_v / l2**2, eta[2] * cell / (l1 * l2),
-            xi[0] * node * inside[0] / l1**2, xi[1] * node * inside[1] / l2**2, xi[2] * cell / (l1 * l2),
+            xi[0] * node * inside[0] / l1**3, xi[1] * node * inside[1] / l2**3, xi[2] * cell / (l1 * l2) ** 1.5,
         ],
         axis=-1,
     )  # fmt: skip

@@ -29,4 +29,15 @@ INTEGRATORS: dict[str, type[Integrator]] = {
 }
 """The methods by the name that scenes and `--integrator` use."""
 
-__all__ = ["BDF2", "INTEGRATORS", "ImplicitEuler", "ImplicitMethod", "Integrator", "Problem", "Stage", "Stepper"]
+__all__ = [
+    "BDF2",
+    "INTEGRATORS",
+    "SDIRK2",
+    "TRBDF2",
+    "ImplicitEuler",
+    "ImplicitMethod",
+    "Integrator",
+    "Problem",
+    "Stage",
+    "Stepper",
+]

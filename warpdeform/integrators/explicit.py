@@ -10,7 +10,7 @@ A burst is a whole frame, or as many steps as all terms can share one `prepare`:
 change with time, one where obstacles move. Forces of wind and drag take the velocity that the last two steps lead on
 to; what is lagged in implicit steps (friction) is taken as the step finds it, and is of first order.
 
-The largest frequency is bounded before each call of `advance`, from diagonal blocks at the positions as they are; with
+The largest frequency is bounded before each frame, and again after so many steps, at the positions as they are; with
 fields of obstacles their steepest slope counts always, because nodes come into them within a burst.
 """
 
@@ -34,6 +34,8 @@ SAFETY = 0.95
 """Share of the stable step that is taken: the state changes before the next look at the largest frequency."""
 PINNED_STEPS = 8
 """Steps of a burst where pins move: their path is straight within it."""
+MOST_UNSEEN = 128
+"""Steps from one look at the largest frequency to the next, which takes as long as five of them."""
 MOST_DOUBLINGS = 6
 """How often a burst that has failed is repeated with twice as many steps: down to a 64th of the step."""
 TAU = 1.0
@@ -71,10 +73,11 @@ class ExplicitStepper(Stepper):
         self._count = Parameters([0], wp.int32, device)
         self._scalars: wp.array = wp.zeros(SCALARS, dtype=wp.float64, device=device)
         self._pace = {state.real: Parameters(np.zeros(entries.PACE), state.real, device) for state in self.states}
-        moving = [PINNED_STEPS for state in self.states if state.model.pins_move]
+        moving = [MOST_UNSEEN, *(PINNED_STEPS for state in self.states if state.model.pins_move)]
         self._most_steps = min([*moving, *(term.most_steps for own in self.terms for term in own)])
         self._most_rate = max(term.most_rate for own in self.terms for term in own)
         self._worst_node: tuple[int, tuple[int, ...]] = (0, ())
+        self._fresh = True
 
     def recordings(self) -> Mapping[str, Callable[[], None]]:
         return {"burst": self._burst, "limit": self._bound, "restore": self._restore}
@@ -85,20 +88,23 @@ class ExplicitStepper(Stepper):
             record()
 
     def advance(self, start: float, end: float, steps: int, replay: Replay) -> list[StepRecord]:
-        limit = self.stable_step(replay)
-        needed = math.ceil((end - start) / limit)
-        if needed > steps and self.settings.time_step == "fixed":
-            return [_failed(Outcome.TOO_LONG, start, (end - start) / steps)]
         attempts: list[StepRecord] = []
-        count, at, doublings = max(steps, needed), 0, 0
-        while at < count:
-            group = min(self._most_steps, count - at)
-            times = [start + (end - start) * k / count for k in (at, at + group)]
-            attempts.append(self._attempt(times[0], end if at + group == count else times[1], group, replay))
+        count, done, doublings, unseen = steps, 0, 0, MOST_UNSEEN
+        while done < count:
+            now = start + (end - start) * done / count
+            if unseen >= MOST_UNSEEN:
+                needed, unseen = math.ceil((end - now) / self.stable_step(replay)) * 2**doublings, 0
+                if needed > count - done and self.settings.time_step == "fixed":
+                    return [*attempts, _failed(Outcome.TOO_LONG, now, (end - now) / (count - done))]
+                if needed > count - done:
+                    start, count, done = now, needed, 0
+            group = min(self._most_steps, count - done)
+            then = end if done + group == count else start + (end - start) * (done + group) / count
+            attempts.append(self._attempt(now, then, group, replay))
             if attempts[-1].completed:
-                at += group
+                done, unseen = done + group, unseen + group
             elif doublings < MOST_DOUBLINGS:
-                count, at, doublings = 2 * count, 2 * at, doublings + 1
+                count, done, doublings = 2 * count, 2 * done, doublings + 1
             else:
                 break
         return attempts
@@ -135,6 +141,9 @@ class ExplicitStepper(Stepper):
         fastest = damping + math.sqrt(damping * damping + 4.0 * rate)
         return SAFETY * 4.0 / fastest if fastest > 0.0 else math.inf
 
+    def restart(self) -> None:
+        self._fresh = True
+
     def worst_node(self) -> tuple[int, tuple[int, ...]]:
         return self._worst_node
 
@@ -147,7 +156,8 @@ class ExplicitStepper(Stepper):
         self._prepare(start, end, count)
         replay("burst")
         scalars = self._scalars.numpy()
-        if scalars[SPEED] <= self._most_speed:
+        self._fresh = not scalars[SPEED] <= self._most_speed
+        if not self._fresh:
             work = float(scalars[WORK]) if self._working else 0.0
             return StepRecord(Outcome.EXPLICIT, work=work, steps=count, start=start, dt=dt)
         self._worst_node = self._fastest_node()
@@ -160,7 +170,8 @@ class ExplicitStepper(Stepper):
         dt = (end - start) / count
         self._count.write([count])
         for pace in self._pace.values():
-            pace.write([dt, 1.0 / dt, self._ahead * dt, self._extrapolated, 1.0 / (end - start)])
+            ahead = self._ahead * dt
+            pace.write([dt, 1.0 / dt, ahead, self._extrapolated, 1.0 / (end - start), float(self._fresh)])
         for state, own in zip(self.states, self.terms, strict=True):
             state.model.place_targets(end)
             for term in own:

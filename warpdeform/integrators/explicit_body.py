@@ -78,7 +78,7 @@ class ExplicitBody:
         else:
             self._launch("drift", pace, state.real(1.0), state.v, state.x)
         if self.kick.trailing:
-            self._launch("trail", state.x, state.v, state.w)
+            self._launch("trail", pace, state.x, state.v, state.w)
 
     def step(self, paces: Paces, x: wp.array, x_out: wp.array) -> None:
         """From one array of positions to another."""
@@ -105,6 +105,9 @@ class ExplicitBody:
     def end(self, paces: Paces) -> None:
         """Drift back, pins to their targets; the greatest speed of each lane group into `State.dots`."""
         state = self.state
+        if self.kick.trailing:
+            # Between bursts w keeps the velocity itself.
+            launch_lanes(self._stage.difference, state.layout, state.x, state.w, state.w, device=state.device)
         self._launch("drift", paces[state.real].array, state.real(-1.0), state.v, state.x)
         launch_lanes(self._stage.place_pins, state.layout, state.free, state.model.target, state.x, device=state.device)
         self._launch("greatest_speed", state.v, state.dots)

@@ -51,7 +51,9 @@ step of a method that nothing else bounds is disbelieved."""
 SLOW = 2000.0
 """Speed that is believed of any body [m/s],"""
 LONG_FALL = 100.0
-"""and what a fall of this time adds to it [s]."""
+"""what a fall of this time adds to it [s],"""
+RELEASED = 10.0
+"""and so many times the speed that the energy stored at first can give."""
 
 
 class Stepper:
@@ -77,7 +79,11 @@ class Stepper:
         self._device, self._iteration = problem.device, problem.iteration
         extents = [np.ptp(s.model.initial_positions.reshape(-1, 3), axis=0) for s in self.states]
         size = max(float(np.linalg.norm(extent)) for extent in extents)
+        elastic = [(s, term) for s, own in zip(self.states, self.terms, strict=True) for term in own if term.elastic]
+        stored = sum(term.stored_energy(state, state.x) for state, term in elastic)
+        mass = sum(float(state.model.node_mass.sum()) for state in self.states)
         believed = SLOW + LONG_FALL * float(np.linalg.norm(self.settings.gravity))
+        believed += RELEASED * float(np.sqrt(max(2.0 * stored / mass, 0.0)))
         self._most_speed = max(MOST_SIZES * size * max(self.settings.fps, 60.0), believed)
         self._flushed: wp.array = wp.zeros(problem.threads, dtype=wp.int32, device=self._device)
 
