@@ -93,15 +93,31 @@ def surface_majorant(width: int, real: Any, orthogonal: bool, bending: bool) -> 
         store1(bound_out, 0, i, j, bound)
 
     @wp.func
+    def all_weights(first: L, last: L):
+        """Magnitudes of the weights of three nodes in a tangent: 1 inside, 2 at a border."""
+        return (first + last) + magnitude(first - last)
+
+    @wp.func
     def flexure_bound(
-        KB: wp.array3d(dtype=real), flexure: wp.array3d(dtype=real), i: int, j: int, s1: L, s2: L, a1: L, a2: L
+        KB: wp.array3d(dtype=real),
+        alpha_u: wp.array3d(dtype=real),
+        alpha_v: wp.array3d(dtype=real),
+        flexure: wp.array3d(dtype=real),
+        i: int,
+        j: int,
+        s1: L,
+        s2: L,
+        a1: L,
+        a2: L,
     ):
         """What a node gets that enters a sample's second differences with s1, s2 and its tangents with a1, a2."""
         g111, g211 = load1(flexure, 3, i, j), load1(flexure, 4, i, j)
         g122, g222 = load1(flexure, 5, i, j), load1(flexure, 6, i, j)
-        # Magnitudes of a second difference add up to 4, of the weights of a tangent to 2 at most.
-        all1 = two * (splat(two) + magnitude(g111) + magnitude(g211))
-        all2 = two * (splat(two) + magnitude(g122) + magnitude(g222))
+        tu = all_weights(along_u(alpha_u, 0, i), along_u(alpha_u, 1, i))
+        tv = all_weights(load1(alpha_v, 0, 0, j), load1(alpha_v, 1, 0, j))
+        # Those of a second difference add up to 4.
+        all1 = splat(four) + (mul(magnitude(g111), tu) + mul(magnitude(g211), tv))
+        all2 = splat(four) + (mul(magnitude(g122), tu) + mul(magnitude(g222), tv))
         c1 = magnitude(s1 - mul(g111, a1) - mul(g211, a2))
         c2 = magnitude(s2 - mul(g122, a1) - mul(g222, a2))
         k12 = magnitude(load1(KB, 1, i, j))
@@ -125,11 +141,19 @@ def surface_majorant(width: int, real: Any, orthogonal: bool, bending: bool) -> 
             none, once, centre = splat(zero), splat(one), splat(-two)
             own1 = along_u(alpha_u, 1, i) - along_u(alpha_u, 0, i)
             own2 = load1(alpha_v, 1, 0, j) - load1(alpha_v, 0, 0, j)
-            bound = bound + flexure_bound(KB, flexure, i, j, centre, centre, own1, own2)
-            bound = bound + flexure_bound(KB, flexure, i - 1, j, once, none, along_u(alpha_u, 0, i - 1), none)
-            bound = bound + flexure_bound(KB, flexure, i + 1, j, once, none, none - along_u(alpha_u, 1, i + 1), none)
-            bound = bound + flexure_bound(KB, flexure, i, j - 1, none, once, none, load1(alpha_v, 0, 0, j - 1))
-            bound = bound + flexure_bound(KB, flexure, i, j + 1, none, once, none, none - load1(alpha_v, 1, 0, j + 1))
+            bound = bound + flexure_bound(KB, alpha_u, alpha_v, flexure, i, j, centre, centre, own1, own2)
+            bound = bound + flexure_bound(
+                KB, alpha_u, alpha_v, flexure, i - 1, j, once, none, along_u(alpha_u, 0, i - 1), none
+            )
+            bound = bound + flexure_bound(
+                KB, alpha_u, alpha_v, flexure, i + 1, j, once, none, none - along_u(alpha_u, 1, i + 1), none
+            )
+            bound = bound + flexure_bound(
+                KB, alpha_u, alpha_v, flexure, i, j - 1, none, once, none, load1(alpha_v, 0, 0, j - 1)
+            )
+            bound = bound + flexure_bound(
+                KB, alpha_u, alpha_v, flexure, i, j + 1, none, once, none, none - load1(alpha_v, 1, 0, j + 1)
+            )
         add6(blocks_out, 0, i, j, isotropic(bound))
 
     return SimpleNamespace(module=module, bound_cells=bound_cells, bound_nodes=bound_nodes)
