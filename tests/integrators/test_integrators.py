@@ -1,11 +1,14 @@
 """Methods: stage weights, exactness on polynomials, closed forms of an oscillator, and the measured order of all."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from bodies import REAL_TIME, assert_same_bits, busy, hanging, material_for, run
 from surfaces import MATERIALS
 
+from warpdeform import launching
 from warpdeform.body import Body, Pin, Spring
 from warpdeform.integrators import BDF2, INTEGRATORS, SDIRK2, TRBDF2, ImplicitEuler, Stage
 from warpdeform.integrators.sdirk2 import embedded
@@ -14,6 +17,7 @@ from warpdeform.result import Outcome
 from warpdeform.settings import Settings
 from warpdeform.shape import sheet
 from warpdeform.simulation import Simulation
+from warpdeform.wind import Wind
 
 Array = np.ndarray[Any, Any]
 
@@ -210,3 +214,19 @@ def test_measured_order_is_the_declared_one(name: str) -> None:
     assert np.abs(ends[0] - ends[-1]).max() > 1e-6
     # It did swing, from 0.05 m.
     assert ends[-1][6, 0, 2] < 0.03
+
+
+@pytest.mark.parametrize("name", ["tr-bdf2", "energy-momentum", "terzopoulos", "terzopoulos-exact", "linear-implicit"])
+def test_threads_do_not_change_a_bit(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(launching, "SHARED_FROM", 0)
+    found = []
+    for threads in (1, 2):
+        if name == "tr-bdf2":
+            simulation = busy(integrator=name, threads=threads)
+        else:
+            body = hanging((13, 18), material=material_for(name), springs=(Spring("corner:1,1", 3.0),), drag=0.1)
+            settings = replace(REAL_TIME, integrator=name, threads=threads, fps=1200.0)
+            simulation = Simulation([body], settings=settings, wind=Wind((2.0, 1.0, 0.0), gust=0.4))
+        assert simulation.threads == threads
+        found.append(run(simulation, 6))
+    assert_same_bits(*found)

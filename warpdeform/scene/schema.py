@@ -45,7 +45,7 @@ class SceneTable(Table):
 class SolverTable(Table):
     """[solver]: how it is solved; see `warpdeform.settings.Settings`."""
 
-    integrator: str = key(Settings.integrator, "Time integrator", example="bdf2")
+    integrator: str = key(Settings.integrator, "Time integrator, told in docs/accuracy.md", example="tr-bdf2")
     substeps: int = key(Settings.substeps, "Steps per frame; dt = 1 / (fps * substeps)", example=1)
     time_step: str = key(
         Settings.time_step, "fixed, auto (as many more as explicit methods need), or adaptive", example="adaptive"
