@@ -50,11 +50,9 @@ def test_the_ladder() -> None:
         runs = [swing(method, steps, material, **options) for steps in (1, 2, 4)]
         rows[name] = [rms(positions, exact) for positions, _ in runs]
         estimates = [simulation.record().error_estimate["time_step"] for _, simulation in runs]
+        ratios = [estimate / error for estimate, error in zip(estimates, rows[name], strict=True)]
         print(f"\n{name:24s} error {' '.join(f'{e:.1e}' for e in rows[name])}", end="")
-        print(
-            f"   estimate over error {' '.join(f'{a / b:.1f}' for a, b in zip(estimates, rows[name], strict=True))}",
-            end="",
-        )
+        print(f"   estimate over error {' '.join(f'{ratio:.1f}' for ratio in ratios)}", end="")
     for coarse in range(3):
         assert rows["linear-implicit"][coarse] > rows["implicit-euler"][coarse]
         assert rows["implicit-euler"][coarse] > rows["bdf2"][coarse] > rows["tr-bdf2"][coarse]
