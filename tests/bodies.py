@@ -22,6 +22,9 @@ SEARCHING = [name for name, method in INTEGRATORS.items() if getattr(method, "se
 EVERYWHERE = [name for name in INTEGRATORS if name != "energy-momentum"]
 """Methods that run every body and term."""
 
+PAPER_FPS = {name: 6000.0 for name in INTEGRATORS if "terzopoulos" in name}
+"""Steps a second that are stable for the paper's method."""
+
 CLOTH = Material(areal_density=0.2, membrane_stiffness=1000.0, poisson_ratio=0.3, bending_stiffness=1e-5)
 REAL_TIME = Settings(device="cpu")
 PRECISE = replace(

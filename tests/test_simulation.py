@@ -10,6 +10,7 @@ import warp as wp
 from bodies import (
     CLOTH,
     EVERYWHERE,
+    PAPER_FPS,
     PRECISE,
     REAL_TIME,
     SEARCHING,
@@ -37,7 +38,8 @@ Array = np.ndarray[Any, Any]
 @pytest.mark.parametrize("integrator", EVERYWHERE)
 @pytest.mark.parametrize(("newton_iterations", "steps"), [(1, 12), (0, 3)], ids=["one iteration", "to tolerance"])
 def test_replayed_steps_are_the_launched_ones_to_the_bit(integrator: str, newton_iterations: int, steps: int) -> None:
-    options: dict[str, Any] = {"integrator": integrator, "newton_iterations": newton_iterations}
+    fps = PAPER_FPS.get(integrator, 60.0)
+    options: dict[str, Any] = {"integrator": integrator, "newton_iterations": newton_iterations, "fps": fps}
     replayed, launched = busy(**options), busy(captured=False, **options)
     assert_same_bits(run(replayed, steps), run(launched, steps))
     statistics = [replace(s.record(), wall_s=0.0, setup_s=0.0) for s in (replayed, launched)]
@@ -95,7 +97,8 @@ def test_led_pins_are_on_their_track_to_the_last_bit(integrator: str, precision:
     )
     pins = (Pin("edge:u,0", track), Pin("corner:1,1"))
     body = hanging(material=material_for(integrator), pins=pins, position=(0.3, 0.0, 0.0))
-    simulation = Simulation([body], settings=replace(REAL_TIME, precision=precision, integrator=integrator))
+    settings = replace(REAL_TIME, precision=precision, integrator=integrator, fps=PAPER_FPS.get(integrator, 60.0))
+    simulation = Simulation([body], settings=settings)
     start = body.placed_positions()
     for _ in range(30):
         simulation.step()
@@ -154,7 +157,8 @@ def test_momentum_in_free_flight(integrator: str, gravity: tuple[float, float, f
     body = hanging(
         material=material_for(integrator), shape=shape, pins=(), initial_positions=start, velocity=tuple(velocity)
     )
-    simulation = Simulation([body], settings=replace(PRECISE, integrator=integrator, gravity=gravity))
+    fps = PAPER_FPS.get(integrator, 60.0)
+    simulation = Simulation([body], settings=replace(PRECISE, integrator=integrator, gravity=gravity, fps=fps))
     handle = simulation["sheet"]
     mass = handle.model.node_mass[..., None]
     lengths = np.linalg.norm(np.diff(handle.positions(), axis=0), axis=-1)

@@ -125,6 +125,10 @@ class Simulation:
         for handle in self.bodies:
             self._record.max_stretch = max(self._record.max_stretch, handle.max_stretch())
 
+    def restart(self) -> None:
+        """Say that the state was changed from outside: the next step takes nothing from those before it."""
+        self._stepper.restart()
+
     def reset(self) -> None:
         """Back to the initial state, bit for bit."""
         self._rewind()

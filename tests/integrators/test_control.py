@@ -14,11 +14,12 @@ BAD = StepRecord(Outcome.STALLED, completed=False, steps=0, retries=1)
 
 def divided(control: StepControl, start: float, end: float, fails: set[int] = frozenset()) -> list[float]:  # type: ignore[assignment]
     """Times that an interval is divided by, where the attempts numbered in `fails` do."""
-    control.begin(start, end)
+    control.begin(start, end, end - start)
     times, attempt = [start], 0
     while not (control.over or control.given_up):
-        a, b = control.step
+        a, b, length = control.step
         assert a == times[-1] < b <= end
+        assert length == pytest.approx(b - a, rel=1e-12)
         control.judge(BAD if attempt in fails else GOOD)
         if attempt not in fails:
             times.append(b)
@@ -30,6 +31,14 @@ def test_fixed_steps_are_the_interval() -> None:
     control = FixedSteps()
     assert divided(control, 0.0, 0.1) == [0.0, 0.1]
     assert divided(control, 0.1, 0.2) == [0.1, 0.2]
+
+
+def test_steps_alike_are_alike_to_the_bit() -> None:
+    control, dt = FixedSteps(), 1.0 / 60.0
+    for n in range(100):
+        control.begin(n * dt, (n + 1) * dt, dt)
+        assert control.step == (n * dt, (n + 1) * dt, dt)
+        control.judge(GOOD)
 
 
 def test_a_failure_halves_the_step_and_two_successes_double_it_again() -> None:
@@ -56,10 +65,10 @@ def adapted(control: AdaptiveSteps, end: float, frames: int, error: float, order
     """Times of accepted steps, and attempts that were rejected, where the estimate is error * step^(order + 1)."""
     times, rejected = [0.0], 0
     for frame in range(frames):
-        control.begin(frame * end, (frame + 1) * end)
+        control.begin(frame * end, (frame + 1) * end, end)
         while not control.over:
-            a, b = control.step
-            estimate = error * (b - a) ** (order + 1)
+            _, b, length = control.step
+            estimate = error * length ** (order + 1)
             good = estimate <= 1.0
             outcome = Outcome.CONVERGED if good else Outcome.INACCURATE
             control.judge(StepRecord(outcome, completed=good, error=estimate, error_order=order))
@@ -90,13 +99,13 @@ def test_adaptive_steps_are_as_long_as_the_frame_where_they_may_be() -> None:
 
 def test_adaptive_steps_give_up() -> None:
     control = AdaptiveSteps(1.0)
-    control.begin(0.0, 1.0)
+    control.begin(0.0, 1.0, 1.0)
     for attempt in range(7):
         assert not control.given_up, attempt
         control.judge(BAD)
     assert control.given_up
     control.reset()
-    control.begin(0.0, 1.0)
+    control.begin(0.0, 1.0, 1.0)
     count = 0
     while not control.given_up:
         control.judge(StepRecord(Outcome.INACCURATE, completed=False, error=1e30, error_order=2))

@@ -153,7 +153,7 @@ def test_half_as_much_again_as_the_stable_step_is_not_stable(integrator: str) ->
         start = handle.rest_positions
         moved = start + 1e-7 * np.random.default_rng(1).normal(size=start.shape)
         handle.state.x.assign(handle.model.layout.pack(moved))
-        attempt = stepper._attempt(0.0, 100 * share * limit, 100, simulation._replay)
+        attempt = stepper._attempt(0.0, 100 * share * limit, share * limit, 100, simulation._replay)
         grown.append(float(np.abs(handle.positions() - start).max()) if attempt.completed else np.inf)
     assert grown[0] < 1e-5
     assert grown[1] > 1e-2

@@ -27,14 +27,20 @@ class StepControl:
         given_up: Why the interval cannot be done: a step failed that must not be shorter.
     """
 
-    def begin(self, start: float, end: float) -> None:
-        """Enter an interval [s]; it ends exactly where it should."""
-        self._start, self._end = start, end
+    def begin(self, start: float, end: float, length: float) -> None:
+        """Enter an interval; it ends exactly where it should.
+
+        Args:
+            start: Its begin [s].
+            end: Its end [s].
+            length: Its length without the round-off of times [s], so that steps alike are alike to the bit.
+        """
+        self._start, self._end, self._whole = start, end, length
         self.over, self.given_up = False, False
 
     @property
-    def step(self) -> tuple[float, float]:
-        """Begin and end of the next step [s]."""
+    def step(self) -> tuple[float, float, float]:
+        """Begin, end and length of the next step [s]."""
         raise NotImplementedError
 
     def judge(self, attempt: StepRecord) -> None:
@@ -54,13 +60,14 @@ class FixedSteps(StepControl):
     def reset(self) -> None:
         self._width, self._successes = FINEST, 0
 
-    def begin(self, start: float, end: float) -> None:
-        super().begin(start, end)
+    def begin(self, start: float, end: float, length: float) -> None:
+        super().begin(start, end, length)
         self._at = 0
 
     @property
-    def step(self) -> tuple[float, float]:
-        return self._time(self._at), self._time(self._at + self._width)
+    def step(self) -> tuple[float, float, float]:
+        length = self._whole * self._width / FINEST
+        return self._time(self._at), self._time(self._at + self._width), length
 
     def judge(self, attempt: StepRecord) -> None:
         if not attempt.completed:
@@ -74,7 +81,7 @@ class FixedSteps(StepControl):
             self._width, self._successes = 2 * self._width, 0
 
     def _time(self, at: int) -> float:
-        return self._end if at == FINEST else self._start + (self._end - self._start) * at / FINEST
+        return self._end if at == FINEST else self._start + self._whole * at / FINEST
 
 
 class AdaptiveSteps(StepControl):
@@ -92,34 +99,34 @@ class AdaptiveSteps(StepControl):
         self._length: float | None = None
         self._failures = 0
 
-    def begin(self, start: float, end: float) -> None:
-        super().begin(start, end)
+    def begin(self, start: float, end: float, length: float) -> None:
+        super().begin(start, end, length)
         self._at = start
         if self._length is None:
-            self._length = end - start
+            self._length = length
 
     @property
-    def step(self) -> tuple[float, float]:
+    def step(self) -> tuple[float, float, float]:
         assert self._length is not None
-        left = self._end - self._at
+        left = self._whole if self._at == self._start else self._end - self._at
         if self._length >= left * (1.0 - 1e-9):
-            return self._at, self._end
+            return self._at, self._end, left
         # Two steps alike rather than one and a sliver.
-        return self._at, self._at + min(self._length, 0.5 * left)
+        length = min(self._length, 0.5 * left)
+        return self._at, self._at + length, length
 
     def judge(self, attempt: StepRecord) -> None:
-        start, end = self.step
-        taken, longest = end - start, self._end - self._start
+        _, end, taken = self.step
         if attempt.completed or attempt.outcome is Outcome.INACCURATE:
             self._failures = 0
             fits = (self._tolerance / max(attempt.error, 1e-300)) ** (1.0 / (attempt.error_order + 1))
             self._length = taken * min(MOST_GROWTH, max(LEAST_SHARE, AIM * fits))
             if attempt.completed:
                 self._at = end
-                self._length = min(self._length, longest)
+                self._length = min(self._length, self._whole)
                 self.over = end == self._end
             else:
-                self.given_up = self._length < LEAST_STEP * longest
+                self.given_up = self._length < LEAST_STEP * self._whole
         else:
             self._failures += 1
             self._length = 0.5 * taken

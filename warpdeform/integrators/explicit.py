@@ -83,24 +83,25 @@ class ExplicitStepper(Stepper):
         return {"burst": self._burst, "limit": self._bound, "restore": self._restore}
 
     def rehearse(self) -> None:
-        self._prepare(0.0, 1.0e-6, 3)
+        self._prepare(0.0, 3.0e-6, 1.0e-6, 3)
         for record in self.recordings().values():
             record()
 
     def advance(self, start: float, end: float, steps: int, replay: Replay) -> list[StepRecord]:
         attempts: list[StepRecord] = []
-        count, done, doublings, unseen = steps, 0, 0, MOST_UNSEEN
+        count, done, doublings, unseen, length = steps, 0, 0, MOST_UNSEEN, steps * self.settings.dt
         while done < count:
-            now = start + (end - start) * done / count
+            now = start + length * done / count
             if unseen >= MOST_UNSEEN:
                 needed, unseen = math.ceil((end - now) / self.stable_step(replay)) * 2**doublings, 0
                 if needed > count - done and self.settings.time_step == "fixed":
                     return [*attempts, _failed(Outcome.TOO_LONG, now, (end - now) / (count - done))]
                 if needed > count - done:
+                    length -= length * done / count
                     start, count, done = now, needed, 0
             group = min(self._most_steps, count - done)
-            then = end if done + group == count else start + (end - start) * (done + group) / count
-            attempts.append(self._attempt(now, then, group, replay))
+            then = end if done + group == count else start + length * (done + group) / count
+            attempts.append(self._attempt(now, then, length / count, group, replay))
             if attempts[-1].completed:
                 done, unseen = done + group, unseen + group
             elif doublings < MOST_DOUBLINGS:
@@ -150,10 +151,9 @@ class ExplicitStepper(Stepper):
     def bytes(self) -> int:
         return sum(body.bytes() for body in self._bodies)
 
-    def _attempt(self, start: float, end: float, count: int, replay: Replay) -> StepRecord:
+    def _attempt(self, start: float, end: float, dt: float, count: int, replay: Replay) -> StepRecord:
         """A burst; one that does not end finite leaves the state as it was."""
-        dt = (end - start) / count
-        self._prepare(start, end, count)
+        self._prepare(start, end, dt, count)
         replay("burst")
         scalars = self._scalars.numpy()
         self._fresh = not scalars[SPEED] <= self._most_speed
@@ -165,19 +165,18 @@ class ExplicitStepper(Stepper):
         outcome = Outcome.RUNAWAY if math.isfinite(scalars[SPEED]) else Outcome.NOT_FINITE
         return _failed(outcome, start, dt)
 
-    def _prepare(self, start: float, end: float, count: int) -> None:
+    def _prepare(self, start: float, end: float, dt: float, count: int) -> None:
         """Write what changes from burst to burst into device arrays (host)."""
-        dt = (end - start) / count
         self._count.write([count])
         for pace in self._pace.values():
             ahead = self._ahead * dt
-            pace.write([dt, 1.0 / dt, ahead, self._extrapolated, 1.0 / (end - start), float(self._fresh)])
+            pace.write([dt, 1.0 / dt, ahead, self._extrapolated, 1.0 / (count * dt), float(self._fresh)])
         for state, own in zip(self.states, self.terms, strict=True):
             state.model.place_targets(end)
             for term in own:
                 # What is kept for several steps is that of their middle.
                 time = end if term.most_steps == 1 else 0.5 * (start + end)
-                term.prepare(time, end - start, TAU)
+                term.prepare(time, count * dt, TAU)
 
     def _fastest_node(self) -> tuple[int, tuple[int, ...]]:
         """Body and node, one that is not finite before all others."""

@@ -99,14 +99,14 @@ class NewtonStepper(Stepper):
         cap = self.linear_solver.cap.numpy().copy()
         self.linear_solver.cap.assign([1])
         for k in range(self._stages):
-            self._prepare(k, 0.0, self.settings.dt)
+            self._prepare(k, 0.0, self.settings.dt, self.settings.dt)
             self._limits.write([1, 0, 0])
             self._record(k)
         self.linear_solver.cap.assign(cap)
 
     def advance(self, start: float, end: float, steps: int, replay: Replay) -> list[StepRecord]:
         attempts = []
-        self._steps.begin(start, end)
+        self._steps.begin(start, end, steps * self.settings.dt)
         while not (self._steps.over or self._steps.given_up):
             attempts.append(self._attempt(*self._steps.step, replay))
             self._steps.judge(attempts[-1])
@@ -127,11 +127,10 @@ class NewtonStepper(Stepper):
     def _stages(self) -> int:
         return len(self.method.stage_history)
 
-    def _attempt(self, start: float, end: float, replay: Replay) -> StepRecord:
+    def _attempt(self, start: float, end: float, dt: float, replay: Replay) -> StepRecord:
         """One step; the next one follows it only if it counts."""
-        dt = end - start
         for k in range(self._stages):
-            self._prepare(k, start, end)
+            self._prepare(k, start, end, dt)
             replay(f"stage {k}")
         report = self._report(start, dt)
         if report.completed:
@@ -142,13 +141,12 @@ class NewtonStepper(Stepper):
             self._dt_before = None
         return report
 
-    def _prepare(self, k: int, start: float, end: float) -> None:
+    def _prepare(self, k: int, start: float, end: float, dt: float) -> None:
         """Write what changes from stage to stage into device arrays (host, before the recorded stage is replayed)."""
-        dt = end - start
-        stage_ = self.method.stages(dt, self._dt_before)[k]
-        error = self.method.error(dt, self._dt_before)
+        if k == 0:
+            self._plan = self.method.stages(dt, self._dt_before), self.method.error(dt, self._dt_before)
+        stage_, error = self._plan[0][k], self._plan[1]
         time = end if stage_.end == 1.0 else start + stage_.end * dt
-        self._error_order = error.order
         self._limits.write(self._hit if self._impact_ahead else self._settled)
         self._tau = stage_.tau
         self.operator.set_tau(stage_.tau)
@@ -192,7 +190,7 @@ class NewtonStepper(Stepper):
             start=start,
             dt=dt,
             error=float(scalars[entries.ERROR]),
-            error_order=self._error_order,
+            error_order=self._plan[1].order,
             unsolved=self._tau * float(scalars[entries.UNSOLVED]) / self._mass**0.5,
         )
 

@@ -111,17 +111,17 @@ class PaperStepper(Stepper):
         return {"step": self._record}
 
     def rehearse(self) -> None:
-        self._prepare(0.0, self.settings.dt)
+        self._prepare(0.0, self.settings.dt, self.settings.dt)
         self._record()
 
     def advance(self, start: float, end: float, steps: int, replay: Replay) -> list[StepRecord]:
         attempts = []
-        self._steps.begin(start, end)
+        self._steps.begin(start, end, steps * self.settings.dt)
         while not (self._steps.over or self._steps.given_up):
-            a, b = self._steps.step
-            self._prepare(a, b)
+            begin, until, dt = self._steps.step
+            self._prepare(begin, until, dt)
             replay("step")
-            attempts.append(self._report(a, b - a))
+            attempts.append(self._report(begin, dt))
             self._steps.judge(attempts[-1])
         return attempts
 
@@ -132,9 +132,8 @@ class PaperStepper(Stepper):
     def bytes(self) -> int:
         return self.operator.bytes() + sum(paper.bytes() for paper in self._paper)
 
-    def _prepare(self, start: float, end: float) -> None:
+    def _prepare(self, start: float, end: float, dt: float) -> None:
         """Write what changes from step to step into device arrays (host)."""
-        dt = end - start
         self.operator.set_tau(dt)
         for real in self._weights:
             self._weights[real].write([(0.0, -dt, 0.0), (0.0, dt, 0.0), (0.0, 0.0, 1.0)])
