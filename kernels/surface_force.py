@@ -21,7 +21,7 @@ def surface_force(width: int, real: Any, orthogonal: bool, bending: bool) -> Sim
     words, shape = lanes(width, real), geometry(width, real, orthogonal)
     load1, store3 = words.load1, words.store3
     dot3, scale, mul = words.dot3, words.scale, words.mul
-    diagonals, stress, strains, cell_flux = shape.diagonals, shape.stress, shape.strains, shape.cell_flux
+    diagonals, stress, strains, cell_forces = shape.diagonals, shape.stress, shape.strains, shape.cell_forces
     unit_normal, christoffel = shape.unit_normal, shape.christoffel
     tangent_u, tangent_v, second_u, second_v = shape.tangent_u, shape.tangent_v, shape.second_u, shape.second_v
     store_scatter = shape.store_scatter
@@ -42,7 +42,7 @@ def surface_force(width: int, real: Any, orthogonal: bool, bending: bool) -> Sim
         d, e, x = diagonals(r, i, j)
         s, t, c, u, v = strains(d, e, x, q0, i, j)
         ss, st, sc, su, sv = stress(K, i, j, s, t, c, u, v)
-        fd, fe, fx = cell_flux(d, e, x, ss, st, sc, su, sv)
+        fd, fe, fx = cell_forces(d, e, x, ss, st, sc, su, sv)
         if wp.static(bending):
             n = unit_normal(e, d, floor)
             gamma_d, gamma_e = christoffel(d, e, x, floor)

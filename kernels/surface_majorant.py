@@ -31,7 +31,7 @@ def surface_majorant(width: int, real: Any, orthogonal: bool, bending: bool) -> 
     dot3, mul, root, at_least, splat, isotropic = (
         words.dot3, words.mul, words.root, words.at_least, words.splat, words.isotropic,
     )  # fmt: skip
-    diagonals, stress, cell_flux = shape.diagonals, shape.stress, shape.cell_flux
+    diagonals, stress, cell_forces = shape.diagonals, shape.stress, shape.cell_forces
     zero, one, two, four = real(0.0), real(1.0), real(2.0), real(4.0)
     module = kernel_module(f"surface_majorant_{variant_name(orthogonal, bending)}", width, real)
 
@@ -47,7 +47,7 @@ def surface_majorant(width: int, real: Any, orthogonal: bool, bending: bool) -> 
     def image(K: wp.array3d(dtype=real), i: int, j: int, d: V, e: V, x: V, s: L, t: L, c: L, u: L, v: L):
         """J S J' K (s, t, c, u, v)."""
         ss, st, sc, su, sv = stress(K, i, j, s, t, c, u, v)
-        fd, fe, fx = cell_flux(d, e, x, ss, st, sc, su, sv)
+        fd, fe, fx = cell_forces(d, e, x, ss, st, sc, su, sv)
         dd, ee = two * dot3(d, fd), two * dot3(e, fe)
         return (
             dd + ee + four * dot3(x, fx),

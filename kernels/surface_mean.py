@@ -19,8 +19,8 @@ from warpdeform.kernels.surface_geometry import geometry
 def surface_mean(width: int, real: Any) -> SimpleNamespace:
     """Kernel ``shift_rest`` for one lane width and precision."""
     words, shape = lanes(width, real), geometry(width, real, True)
-    store1, splat = words.store1, words.splat
-    diagonals, strains = shape.diagonals, shape.strains
+    load1, store1 = words.load1, words.store1
+    diagonals, numbers = shape.diagonals, shape.numbers
     module = kernel_module("surface_mean", width, real)
 
     @wp.kernel(module=module)
@@ -34,12 +34,11 @@ def surface_mean(width: int, real: Any) -> SimpleNamespace:
         i, j = ii + 1, (group + 1) * width
         d, e, x = diagonals(r, i, j)
         d0, e0, x0 = diagonals(start, i, j)
-        s, t, c, u, v = strains(d - d0, e - e0, x - x0, q0, i, j)
-        none = splat(real(0.0))
-        store1(q_out, 0, i, j, none - s)
-        store1(q_out, 1, i, j, none - t)
-        store1(q_out, 2, i, j, none - c)
-        store1(q_out, 3, i, j, none - u)
-        store1(q_out, 4, i, j, none - v)
+        s, t, c, u, v = numbers(d - d0, e - e0, x - x0)
+        store1(q_out, 0, i, j, load1(q0, 0, i, j) - s)
+        store1(q_out, 1, i, j, load1(q0, 1, i, j) - t)
+        store1(q_out, 2, i, j, load1(q0, 2, i, j) - c)
+        store1(q_out, 3, i, j, load1(q0, 3, i, j) - u)
+        store1(q_out, 4, i, j, load1(q0, 4, i, j) - v)
 
     return SimpleNamespace(module=module, shift_rest=shift_rest)
