@@ -252,7 +252,8 @@ def decisions() -> SimpleNamespace:
             outcome = wp.where(limits[TO_TOLERANCE] == 1, CAPPED, FIXED)
         if limits[TO_TOLERANCE] == 1:
             if scalars_out[LENGTH] == wp.float64(0.0):
-                outcome = STALLED
+                # An update below the tolerance that does not lower the potential either is lost in its round-off.
+                outcome = wp.where(scalars_out[UPDATE] <= control[UPDATE_TOLERANCE], ROUND_OFF, STALLED)
             if -scalars_out[SLOPE] <= round_off:
                 outcome = ROUND_OFF
             if update <= control[UPDATE_TOLERANCE] and scalars_out[LENGTH] > wp.float64(0.0):
