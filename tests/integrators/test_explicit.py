@@ -316,6 +316,26 @@ def test_a_burst_that_overflows_is_repeated_then_given_up_and_leaves_the_state()
     assert np.isfinite(run(simulation, 0)).all()
 
 
+def test_a_burst_that_overflows_gives_the_anchors_of_friction_back() -> None:
+    plane = Obstacle("plane", friction=0.5, track=Track.fixed((0.0, 0.0, -0.003)))
+    ends = []
+    for disturbed in (False, True):
+        body = hanging((5, 6), pins=(), velocity=(0.5, 0.0, 0.0))
+        simulation = explicit(body, obstacles=[plane])
+        for _ in range(6):
+            simulation.advance_frame()
+        if disturbed:
+            state, stepper = simulation["sheet"].state, simulation._stepper
+            v, dt = state.v.numpy().copy(), simulation.dt
+            state.v.fill_(1e300)
+            attempt = stepper._attempt(simulation.time, simulation.time + dt, dt, 1, simulation._replay)  # type: ignore[attr-defined]
+            assert not attempt.completed
+            state.v.assign(v)
+        simulation.advance_frame()
+        ends.append(run(simulation, 0))
+    assert_same_bits(*ends)
+
+
 def test_explicit_steps_report_that_nothing_was_solved() -> None:
     simulation = explicit(hanging())
     report = simulation.step()

@@ -192,5 +192,11 @@ class Force:
     def finish(self, body: BodyArrays) -> None:
         """The step is accepted: store what the next one starts from (friction anchors)."""
 
+    def keep(self, body: BodyArrays) -> None:
+        """Keep what earlier steps have stored for `restore`: explicit steps are judged many at a time."""
+
+    def restore(self, body: BodyArrays) -> None:
+        """Go back to what `keep` has kept."""
+
     def reset(self) -> None:
         """Forget what earlier steps have stored, as at the start of a run."""

@@ -2,6 +2,7 @@
 
 import weakref
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from warpdeform.forces.force import LAGGED_ITERATIONS, BodyArrays, Force
 from warpdeform.kernels.distance import KINDS, MEMORY, distances
 from warpdeform.kernels.fields import LAGGED, STICK, fields
 from warpdeform.kernels.guard import guards
-from warpdeform.launching import launch_nodes
+from warpdeform.launching import do_alone, launch_nodes
 from warpdeform.obstacle import Obstacle
 from warpdeform.track import multiply, rotation_matrix, to_rotation_vector
 
@@ -146,6 +147,18 @@ class ObstacleField(Force):
         if self._has_friction:
             inputs = [body.layout.halo, body.mass, body.x, self._start, self._records, self._poses]
             self._launch(body, self._kernels.finish_friction, inputs, [self._lagged])
+
+    def keep(self, body: BodyArrays) -> None:
+        if self._has_friction:
+            do_alone(lambda: self._kept.assign(self._lagged))
+
+    def restore(self, body: BodyArrays) -> None:
+        if self._has_friction:
+            do_alone(lambda: self._lagged.assign(self._kept))
+
+    @cached_property
+    def _kept(self) -> wp.array:
+        return wp.zeros_like(self._lagged)
 
     def _launch(self, body: BodyArrays, kernel: Any, inputs: list[Any], outputs: list[Any]) -> None:
         launch_nodes(kernel, body.layout, *inputs, *outputs, device=body.device)

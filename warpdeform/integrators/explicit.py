@@ -180,7 +180,8 @@ class ExplicitStepper(Stepper):
 
     def _fastest_node(self) -> tuple[int, tuple[int, ...]]:
         """Body and node, one that is not finite before all others."""
-        speeds = [np.linalg.norm(state.model.download(state.v), axis=-1) for state in self.states]
+        with np.errstate(over="ignore", invalid="ignore"):
+            speeds = [np.linalg.norm(state.model.download(state.v), axis=-1) for state in self.states]
         speeds = [np.nan_to_num(speed, nan=np.inf) for speed in speeds]
         index = int(np.argmax([speed.max() for speed in speeds]))
         node = np.unravel_index(int(speeds[index].argmax()), speeds[index].shape)

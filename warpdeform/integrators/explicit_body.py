@@ -70,6 +70,8 @@ class ExplicitBody:
         state, pace = self.state, paces[self.state.real].array
         self._launch("begin", state.free, state.model.target, pace, state.x, state.v, state.x_before, state.v_before)
         launch_lanes(self._stage.clear_partials, state.layout, state.dots, device=state.device)
+        for term in self.terms:
+            term.keep(state)
         if self.kick.displacing:
             self._launch("drift_ahead", pace, state.v, state.direction)
             for term in self.terms:
@@ -116,6 +118,8 @@ class ExplicitBody:
         """Back to the state that `begin` has kept."""
         self.copy(self.state.x_before, self.state.x)
         self.copy(self.state.v_before, self.state.v)
+        for term in self.terms:
+            term.restore(self.state)
 
     def bound(self, damping: bool) -> None:
         """A bound on the largest squared frequency [1/s2], or rate of damping [1/s], into `State.dots`.

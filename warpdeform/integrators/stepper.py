@@ -123,7 +123,8 @@ class Stepper:
         worst: tuple[float, int, tuple[int, ...]] = (-1.0, 0, ())
         for index, state in enumerate(self.states):
             model = state.model
-            force = np.linalg.norm(model.download(state.gradient) * model.download(state.free), axis=-1)
+            with np.errstate(over="ignore", invalid="ignore"):
+                force = np.linalg.norm(model.download(state.gradient) * model.download(state.free), axis=-1)
             residual = np.nan_to_num(force / model.node_mass, nan=np.inf)
             node = np.unravel_index(int(residual.argmax()), residual.shape)
             if residual[node] > worst[0]:
