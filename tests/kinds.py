@@ -55,4 +55,3 @@ def limp_kinds(monkeypatch: pytest.MonkeyPatch) -> None:
     for kind, density in (("curve", 0.1), ("solid", 500.0)):
         monkeypatch.setitem(body.DENSITIES, kind, lambda _, density=density: density)
         monkeypatch.setitem(handle.ELASTICITY, kind, Limp)
-        monkeypatch.delitem(handle.WIND, kind, raising=False)

@@ -272,4 +272,4 @@ def test_scenes_lists_every_packaged_scene_with_a_line() -> None:
 
 def test_scenes_publishes_the_schema() -> None:
     schema = json.loads(call("scenes", "--schema").stdout)
-    assert {"scene", "solver", "body", "obstacle", "wind", "output"} == set(schema["properties"])
+    assert {"scene", "solver", "body", "obstacle", "attachment", "wind", "output"} == set(schema["properties"])

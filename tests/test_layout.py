@@ -34,6 +34,8 @@ FLOORS = (
         "body",
         "state",
         "device",
+        "attachment",
+        "clamps",
         "launching",
         "team",
         "errors",
@@ -41,6 +43,8 @@ FLOORS = (
         "settings",
         "selectors",
         "tensors",
+        "section",
+        "frenet",
     },
     {"forces", "linear"},
     {"integrators"},
@@ -49,7 +53,7 @@ FLOORS = (
 )
 """Modules by floor (design 3.2): a module imports its own floor and those below."""
 
-DESCRIPTIONS = ("errors", "material", "shape", "track", "obstacle", "wind", "body", "settings", "result")
+DESCRIPTIONS = ("errors", "material", "shape", "track", "obstacle", "wind", "body", "settings", "result", "section")
 """What a scene is described with: pure NumPy, so that a command line answers before Warp is loaded."""
 
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}

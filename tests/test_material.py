@@ -2,12 +2,24 @@
 
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from warpdeform.errors import InputError
-from warpdeform.material import PRESETS, Material, PaperWeights, SurfaceCoefficients, plane_stress
+from warpdeform.material import (
+    PRESETS,
+    CurveCoefficients,
+    Material,
+    PaperCurveWeights,
+    PaperSolidWeights,
+    PaperWeights,
+    SolidCoefficients,
+    SurfaceCoefficients,
+    plane_stress,
+)
+from warpdeform.section import Section
 
 PHYSICAL = {"density": 1000.0, "youngs_modulus": 1e6, "poisson_ratio": 0.3, "thickness": 0.002}
 ORTHOTROPIC = PHYSICAL | {"youngs_modulus": (4e6, 1e6), "shear_modulus": 5e5}
@@ -24,7 +36,7 @@ def coefficients(**values: object) -> SurfaceCoefficients:
 
 def mistakes(**values: object) -> dict[str, str]:
     with pytest.raises(InputError) as caught:
-        Material(**values)
+        Material(**values).surface()
     return {mistake.key: str(mistake) for mistake in caught.value.mistakes}
 
 
@@ -179,7 +191,9 @@ def test_orthotropic_poisson_ratio_must_be_admissible() -> None:
 def test_exactly_one_form() -> None:
     assert "eta" in mistakes(**SHELL, eta=500.0)
     assert "membrane_stiffness" in mistakes(**PHYSICAL, membrane_stiffness=1000.0)
-    assert "is missing, as are membrane_stiffness and eta" in mistakes(density=1000.0)["youngs_modulus"]
+    assert (
+        "is missing, as are membrane_stiffness, axial_stiffness and eta" in mistakes(density=1000.0)["youngs_modulus"]
+    )
     assert "does not go with eta" in mistakes(**PAPER, bending_stiffness=1e-5)["bending_stiffness"]
     assert "does not go with youngs_modulus" in mistakes(**PHYSICAL, areal_density=1.0)["areal_density"]
 
@@ -192,3 +206,105 @@ def test_orthotropy_needs_its_shear() -> None:
 def test_all_mistakes_are_said_at_once() -> None:
     said = mistakes(density=-1.0, youngs_modulus=1e6, poisson_ratio=0.6, thickness=0.0, damping=-1.0, xi=1.0)
     assert set(said) == {"density", "poisson_ratio", "thickness", "damping", "xi"}
+
+
+ROUND = Section.circular(0.01)
+ROD = {"linear_density": 0.1, "axial_stiffness": 1000.0, "bending_stiffness": (2e-4, 4e-4)}
+
+
+def test_curves_of_a_substance_have_the_stiffness_of_their_section() -> None:
+    curve = Material(density=1000.0, youngs_modulus=2e6, poisson_ratio=0.25).curve(Section.rectangular(0.03, 0.01))
+    assert curve.linear_density == pytest.approx(0.3)
+    assert curve.axial == pytest.approx(600.0)
+    assert curve.bending == pytest.approx((2e6 * 0.03 * 1e-6 / 12, 2e6 * 0.01 * 27e-6 / 12))
+    assert curve.torsion == pytest.approx(8e5 * Section.rectangular(0.03, 0.01).torsion)
+
+
+def test_rod_constants_name_the_stiffness_itself() -> None:
+    assert Material(**ROD).curve() == CurveCoefficients(0.1, 1000.0, (2e-4, 4e-4), pytest.approx(3e-4))
+    assert Material(**ROD, torsional_stiffness=5e-5).curve().torsion == 5e-5
+    string = Material(linear_density=0.1, axial_stiffness=1000.0).curve()
+    assert (string.bending, string.torsion) == ((0.0, 0.0), 0.0)
+
+
+def test_the_papers_weights_of_a_curve() -> None:
+    weights = Material(linear_density=0.1, eta=500.0, xi=1e-3)
+    assert weights.curve() == PaperCurveWeights(0.1, 500.0, 1e-3)
+
+
+def test_presets_of_substances_make_curves() -> None:
+    for name in ("rubber", "spring-steel"):
+        assert Material.preset(name).curve(ROUND).axial > 0
+
+
+@pytest.mark.parametrize(
+    ("values", "section", "key", "message"),
+    [
+        (PHYSICAL, None, "section", "is missing beside youngs_modulus in a curve"),
+        (ORTHOTROPIC, ROUND, "youngs_modulus", "must be one number in a curve"),
+        (SHELL, ROUND, "membrane_stiffness", "does not describe a curve"),
+        ({"areal_density": 0.2, "eta": 500.0}, None, "linear_density", "is missing beside eta"),
+        ({"linear_density": 0.2, "eta": (1.0, 2.0, 3.0)}, None, "eta", "must be one number in a curve"),
+        ({"linear_density": 0.2, "eta": 1.0, "xi": (1.0, 2.0, 3.0)}, None, "xi", "must be one number in a curve"),
+    ],
+)
+def test_materials_that_make_no_curve_say_why(values: Any, section: Any, key: str, message: str) -> None:
+    with pytest.raises(InputError, match=message) as caught:
+        Material(**values).curve(section)
+    assert [mistake.key for mistake in caught.value.mistakes] == [key]
+
+
+def test_materials_that_make_no_surface_say_why() -> None:
+    assert "does not describe a surface" in mistakes(**ROD)["axial_stiffness"]
+    assert "Use m, " in mistakes(density=1000.0, youngs_modulus=1e6, poisson_ratio=0.3)["thickness"]
+    assert "kg/m2" in mistakes(eta=500.0, linear_density=0.1)["areal_density"]
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0, math.nan, math.inf, "1", True, [1.0, 2.0]])
+@pytest.mark.parametrize("key", ["linear_density", "axial_stiffness"])
+def test_bad_rod_constants_are_refused_with_their_unit(key: str, bad: object) -> None:
+    assert any(unit in mistakes(**ROD | {key: bad})[key] for unit in ("kg/m", "Use N "))
+
+
+def test_rod_constants_go_with_nothing_else() -> None:
+    assert "does not go with axial_stiffness" in mistakes(**ROD, poisson_ratio=0.3)["poisson_ratio"]
+    assert "is missing beside axial_stiffness" in mistakes(axial_stiffness=1.0)["linear_density"]
+    assert "N m2" in mistakes(**ROD, torsional_stiffness=-1.0)["torsional_stiffness"]
+
+
+def test_solids_need_no_thickness() -> None:
+    values = {key: value for key, value in PHYSICAL.items() if key != "thickness"}
+    assert Material(**values).solid() == SolidCoefficients(1000.0, 1e6, 0.3, 0.0)
+    assert Material(**PHYSICAL, inversion_barrier=2e5).solid() == SolidCoefficients(1000.0, 1e6, 0.3, 2e5)
+    assert "Use m," in mistakes(**values)["thickness"]
+
+
+def test_the_papers_weights_of_a_solid_are_six() -> None:
+    six = (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    assert Material(density=1000.0, eta=six).solid() == PaperSolidWeights(1000.0, six, 0.0)
+    assert Material(density=1000.0, eta=5.0, inversion_barrier=1.0).solid() == PaperSolidWeights(
+        1000.0, (5.0,) * 6, 1.0
+    )
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        (SHELL, "membrane_stiffness = 1000.0: does not describe a solid. Use one of youngs_modulus, eta."),
+        (ORTHOTROPIC, "youngs_modulus = [4000000.0, 1000000.0]: does not go with a solid. Use one number, in Pa"),
+        (PHYSICAL | {"shear_modulus": 1e5}, "shear_modulus = 100000.0: does not go with a solid. Leave out"),
+        (PHYSICAL | {"bending_multipliers": (1.0, 2.0)}, "bending_multipliers = [1.0, 2.0]: does not go with a solid"),
+        ({"eta": 5.0}, "density: is missing beside eta. Use kg/m3"),
+        ({"eta": (1.0, 2.0, 3.0), "density": 1e3}, "eta = [1.0, 2.0, 3.0]: does not go with a solid. Use one number"),
+        (PHYSICAL | {"inversion_barrier": -1.0}, "inversion_barrier = -1.0: must not be negative. Use Pa"),
+    ],
+)  # fmt: skip
+def test_what_is_no_solid_is_refused(values: dict[str, object], said: str) -> None:
+    with pytest.raises(InputError) as caught:
+        Material(**values).solid()
+    assert str(caught.value).startswith(said)
+
+
+def test_what_only_solids_have_is_refused_for_surfaces() -> None:
+    assert "does not go with a surface" in mistakes(**PHYSICAL, inversion_barrier=1.0)["inversion_barrier"]
+    assert "N/m" in mistakes(areal_density=0.2, eta=(1.0,) * 6)["eta"]

@@ -22,9 +22,10 @@ from bodies import (
 )
 from surfaces import MATERIALS, noise, stretched
 
-from warpdeform.body import Pin, rotate
+from warpdeform.body import Body, Pin, Spring, rotate
 from warpdeform.errors import InputError, SimulationFailure
 from warpdeform.integrators import INTEGRATORS
+from warpdeform.material import Material
 from warpdeform.result import Outcome
 from warpdeform.settings import Settings
 from warpdeform.shape import sheet
@@ -384,3 +385,31 @@ def test_materials_of_every_form_run() -> None:
     for name in MATERIALS:
         simulation = Simulation([hanging((4, 5), material=MATERIALS[name])], settings=REAL_TIME)
         assert np.isfinite(run(simulation, 2)[0]).all(), name
+
+
+@pytest.mark.parametrize("preconditioner", ["block-jacobi", "multigrid"])
+def test_pins_and_springs_let_go(preconditioner: str) -> None:
+    """After 0.1 s nothing holds the second corner, nor pulls at the middle: the rest is a run without them."""
+    held = (Pin("corner:0,0"), Pin("corner:1,0", until=0.1))
+    pulled = (Spring([[4, 4]], 50.0, (0.5, 0.5, 1.0), until=0.1),)
+    body = Body("sheet", sheet((9, 9)), Material.preset("cotton"), pins=held, springs=pulled)
+    settings = Settings(device="cpu", precision="float64", preconditioner=preconditioner)
+    simulation = Simulation([body], settings=settings)
+    start = simulation["sheet"].positions()
+    for _ in range(6):
+        simulation.step()
+    there = simulation["sheet"].positions()
+    np.testing.assert_array_equal(there[8, 0], start[8, 0])
+    assert there[4, 4, 2] > start[4, 4, 2]
+    for _ in range(6):
+        simulation.step()
+    after = simulation["sheet"].positions()
+    assert np.linalg.norm(after[8, 0] - start[8, 0]) > 0.01
+    np.testing.assert_array_equal(after[0, 0], start[0, 0])
+    assert simulation.record().energy.field == 0.0
+    simulation.reset()
+    for _ in range(6):
+        simulation.step()
+    np.testing.assert_array_equal(simulation["sheet"].positions(), there)
+    with pytest.raises(InputError, match="must not be negative"):
+        Pin("all", until=-1.0)

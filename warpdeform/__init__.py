@@ -7,11 +7,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from warpdeform.attachment import Attachment
     from warpdeform.body import Body, Pin, Spring
     from warpdeform.errors import InputError, Mistake, SimulationFailure, WarpdeformError
     from warpdeform.material import Material
     from warpdeform.obstacle import Obstacle
     from warpdeform.scene import load_scene
+    from warpdeform.section import Section
     from warpdeform.settings import Settings
     from warpdeform.shape import (
         RestShape,
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Attachment",
     "Body",
     "FrameWriter",
     "InputError",
@@ -51,6 +54,7 @@ __all__ = [
     "Pin",
     "Recorder",
     "RestShape",
+    "Section",
     "Settings",
     "Simulation",
     "SimulationFailure",
@@ -80,11 +84,13 @@ __all__ = [
 ]
 
 _HOMES = {
+    "attachment": ("Attachment",),
     "body": ("Body", "Pin", "Spring"),
     "errors": ("InputError", "Mistake", "SimulationFailure", "WarpdeformError"),
     "material": ("Material",),
     "obstacle": ("Obstacle",),
     "scene": ("load_scene",),
+    "section": ("Section",),
     "settings": ("Settings",),
     "shape": (
         "RestShape",

@@ -3,13 +3,14 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warpdeform.errors import InputError, Mistake
 from warpdeform.material import Material
+from warpdeform.section import Section
 from warpdeform.selectors import NodeSelector, select_nodes
 from warpdeform.shape import RestShape
 
@@ -17,7 +18,9 @@ if TYPE_CHECKING:
     from warpdeform.track import Track
 
 DENSITIES: dict[str, Callable[["Body"], float]] = {
+    "curve": lambda body: body.material.curve(body.section).linear_density,
     "surface": lambda body: body.material.surface().areal_density,
+    "solid": lambda body: body.material.solid().density,
 }
 """Mass per length [kg/m], area [kg/m2] or volume [kg/m3] of each kind of body that can be simulated."""
 
@@ -29,10 +32,19 @@ class Pin:
     Attributes:
         nodes: Which nodes, see `NodeSelector`.
         track: Rigid motion of the held nodes relative to their initial positions; None holds them still.
+        until: When they are let go [s]; None holds them for good.
     """
 
     nodes: NodeSelector
     track: "Track | None" = None
+    until: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_end(self.until)
+
+    def is_over(self, time: float) -> bool:
+        """Whether they are let go before a step that ends at `time` [s]."""
+        return _is_over(self.until, time)
 
 
 @dataclass(frozen=True)
@@ -44,16 +56,33 @@ class Spring:
         stiffness: Stiffness of each node's spring [N/m].
         point: World point [m]; None ties each node to its own initial position.
         track: Rigid motion of the points; None leaves them still.
+        until: When the springs let go [s]; None keeps them for good.
     """
 
     nodes: NodeSelector
     stiffness: float
     point: tuple[float, float, float] | None = None
     track: "Track | None" = None
+    until: float | None = None
 
     def __post_init__(self) -> None:
+        _check_end(self.until)
         if not (math.isfinite(self.stiffness) and self.stiffness > 0):
             raise InputError(Mistake("stiffness", self.stiffness, "must be positive [N/m]", "Use for example 100."))
+
+    def is_over(self, time: float) -> bool:
+        """Whether they let go before a step that ends at `time` [s]."""
+        return _is_over(self.until, time)
+
+
+def _is_over(until: float | None, time: float) -> bool:
+    """Times are multiples of a step to round-off."""
+    return until is not None and time > until + 1e-9
+
+
+def _check_end(until: float | None) -> None:
+    if until is not None and not until >= 0:
+        raise InputError(Mistake("until", until, "must not be negative [s]", "Leave it out to hold for good."))
 
 
 @dataclass(frozen=True)
@@ -73,7 +102,9 @@ class Body:
         drag: Mass-proportional damping [1/s] beside the material's own.
         wind_coefficient: c of the viscous force c (n . v) n [kg/(m2 s)].
         pressure: Pressure inside over outside of a surface with a periodic axis [Pa]; ends are capped; 0 for none.
-        section: Cross-section of a curve, as its material wants it; its `radius` [m] is what wind meets.
+        section: Cross-section of a curve, which materials in physical units need.
+        natural: Shape of a curve whose curvature and twist need no force; None: the rest shape.
+        director: Where director 1 of a curve's section points, at its first segment in that shape; None: anywhere.
         color: Display colour, linear RGB.
         roughness: Roughness of the preview surface, 0 to 1.
         nodes: Nodes along the axes: (n, strands) of a curve, (nu, nv) of a surface, (nu, nv, nw) of a solid.
@@ -92,7 +123,9 @@ class Body:
     drag: float = 0.0
     wind_coefficient: float = 2.0
     pressure: float = 0.0
-    section: Any = None
+    section: Section | None = None
+    natural: RestShape | None = None
+    director: tuple[float, float, float] | None = None
     color: tuple[float, float, float] = (0.55, 0.13, 0.11)
     roughness: float = 0.7
     nodes: tuple[int, ...] = field(init=False)
@@ -106,9 +139,15 @@ class Body:
         if kind not in DENSITIES:
             problem, known = f"is a {kind}, which cannot be simulated yet", ", ".join(DENSITIES)
             mistakes.append(Mistake("shape", None, problem, f"Use one of: {known}."))
-        if self.section is not None and kind != "curve":
-            remedy = "Give a surface's material a thickness."
-            mistakes.append(Mistake("section", None, f"does not go with a {kind}", remedy))
+        for key in ("section", "natural", "director") if kind != "curve" else ():
+            if getattr(self, key) is not None:
+                mistakes.append(Mistake(key, None, f"does not go with a {kind}", "Leave it out, or use a curve."))
+        if self.natural is not None and kind == "curve" and self.natural.positions.shape != self.shape.positions.shape:
+            problem = f"has nodes {list(self.natural.nodes)}, the rest shape {list(nodes)}"
+            mistakes.append(Mistake("natural", None, problem, "Give it the nodes and strands of the rest shape."))
+        if self.director is not None and not (np.shape(self.director) == (3,) and any(self.director)):
+            problem = "must be three numbers that are not all zero"
+            mistakes.append(Mistake("director", self.director, problem, "Use for example [0, 0, 1]."))
         for key in ("drag", "wind_coefficient"):
             value = getattr(self, key)
             if not (math.isfinite(value) and value >= 0):

@@ -1,9 +1,10 @@
-"""What a surface is made of (design 1.3, 1.4): one description in three forms, and the coefficients of its energy.
+"""What a body is made of (design 1.3, 1.4): one description in four forms, and the coefficients of its energy.
 
-A material is given in exactly one of three forms, told apart by the stiffness that is named:
+A material is given in exactly one of four forms, told apart by the stiffness that is named:
 
-* physical units, `youngs_modulus`: an orthotropic or isotropic plate of a known thickness;
+* physical units, `youngs_modulus`: a solid substance; a surface also needs a thickness, a curve a section;
 * shell constants, `membrane_stiffness`: what is measured on a cloth, whose thickness means nothing;
+* rod constants, `axial_stiffness`: what is measured on a thread or cable, whose section means nothing;
 * the paper's weights, `eta`: the coefficients of alpha and beta in Terzopoulos et al. 1987.
 """
 
@@ -15,9 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpdeform.errors import InputError, Mistake
+from warpdeform.section import Section
 
 Pair = tuple[float, float]
 Triple = tuple[float, float, float]
+Six = tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True)
@@ -46,24 +49,38 @@ QUANTITIES = {
     "areal_density": Quantity("Use kg/m2, for example 0.15 for cotton."),
     "membrane_stiffness": Quantity("Use N/m (Young's modulus times thickness), for example 1000.", (1, 2)),
     "shear_stiffness": Quantity("Use N/m (shear modulus times thickness), for example 50; leave it out if isotropic."),
-    "bending_stiffness": Quantity("Use N m, for example 1e-5, or 0 for a membrane.", or_equal=True),
+    "bending_stiffness": Quantity(
+        "Use N m, for example 1e-5, or N m2 (one or two) for a curve; 0 for none.", (1, 2), or_equal=True
+    ),
     "bending_multipliers": Quantity("Use two factors without a unit, for example [1.0, 0.5].", (2,), or_equal=True),
-    "eta": Quantity("Use N/m, one number or [eta11, eta22, eta12], for example 500.", (1, 3)),
-    "xi": Quantity("Use N m, one number or [xi11, xi22, xi12], or 0 for a membrane.", (1, 3), or_equal=True),
+    "linear_density": Quantity("Use kg/m, for example 0.01 for a thread of ten grams a metre."),
+    "axial_stiffness": Quantity("Use N (Young's modulus times area), for example 1000."),
+    "torsional_stiffness": Quantity(
+        "Use N m2 (shear modulus times torsion constant), for example 1e-4.", or_equal=True
+    ),
+    "eta": Quantity(
+        "Use N/m (a curve: N), one number or [eta11, eta22, eta12], for example 500; of a solid Pa, one number or "
+        "[eta11, eta22, eta33, eta12, eta13, eta23].",
+        (1, 3, 6),
+    ),
+    "xi": Quantity("Use N m (a curve: N m2), one number or [xi11, xi22, xi12], or 0.", (1, 3), or_equal=True),
+    "inversion_barrier": Quantity("Use Pa, for example a fifth of youngs_modulus, or 0 for none.", or_equal=True),
     "damping": Quantity("Use 1/s, for example 0.1, or 0 for none.", or_equal=True),
 }
 
 FORMS = {
-    "youngs_modulus": ("density", "poisson_ratio", "thickness"),
+    "youngs_modulus": ("density", "poisson_ratio"),
     "membrane_stiffness": ("areal_density", "poisson_ratio"),
-    "eta": ("areal_density",),
+    "axial_stiffness": ("linear_density",),
+    "eta": (),
 }
-"""The stiffness that names a form, and the keys that must stand beside it."""
+"""The stiffness that names a form, and the keys that must stand beside it whatever the body is."""
 
 OPTIONAL = {
-    "youngs_modulus": ("shear_modulus", "bending_multipliers"),
+    "youngs_modulus": ("shear_modulus", "bending_multipliers", "thickness", "inversion_barrier"),
     "membrane_stiffness": ("shear_stiffness", "bending_stiffness", "bending_multipliers", "thickness"),
-    "eta": ("xi", "thickness"),
+    "axial_stiffness": ("bending_stiffness", "torsional_stiffness"),
+    "eta": ("xi", "thickness", "areal_density", "linear_density", "density", "inversion_barrier"),
 }
 """The keys that may stand beside it."""
 
@@ -105,23 +122,94 @@ class PaperWeights:
 
 
 @dataclass(frozen=True)
-class Material:
-    """An elastic material of a surface, in exactly one of three forms; SI units; axis 1 is u, axis 2 is v.
+class CurveCoefficients:
+    """Coefficients of the elastic energy of a curve per rest length.
 
     Attributes:
-        density: Mass per volume rho [kg/m3]; physical form.
+        linear_density: Mass per length [kg/m].
+        axial: EA [N].
+        bending: EI about directors 1 and 2 of the section [N m2].
+        torsion: GJ [N m2].
+    """
+
+    linear_density: float
+    axial: float
+    bending: Pair
+    torsion: float
+
+
+@dataclass(frozen=True)
+class PaperCurveWeights:
+    """Weights of the paper's energy of a curve, whose metric and curvature are those of its parametrisation.
+
+    Attributes:
+        linear_density: Mass per length [kg/m].
+        eta: Coefficient of alpha [N]: EA / 2 of a curve that is parametrised by its rest length (design 1.4).
+        xi: Coefficient of beta [N m2]: EI of such a curve.
+    """
+
+    linear_density: float
+    eta: float
+    xi: float
+
+
+@dataclass(frozen=True)
+class SolidCoefficients:
+    """Coefficients of the elastic energy of an isotropic solid.
+
+    Attributes:
+        density: Mass per volume [kg/m3].
+        youngs_modulus: E [Pa].
+        poisson_ratio: nu, below 1/2.
+        inversion_barrier: Strength of the barrier against inversion [Pa], 0 for none.
+    """
+
+    density: float
+    youngs_modulus: float
+    poisson_ratio: float
+    inversion_barrier: float
+
+
+@dataclass(frozen=True)
+class PaperSolidWeights:
+    """Weights of the paper's energy of a solid, whose strains have no cross term.
+
+    Attributes:
+        density: Mass per volume [kg/m3].
+        eta: (eta11, eta22, eta33, eta12, eta13, eta23) [Pa] where the parameters are lengths, coefficients of alpha.
+        inversion_barrier: Strength of the barrier against inversion [Pa], 0 for none.
+    """
+
+    density: float
+    eta: Six
+    inversion_barrier: float
+
+
+@dataclass(frozen=True)
+class Material:
+    """An elastic material, in exactly one of four forms; SI units; axis 1 is u, axis 2 is v, axis 3 is w.
+
+    Attributes:
+        density: Mass per volume rho [kg/m3]; physical form, and solids with the paper's weights.
         youngs_modulus: E, or (E1, E2) if orthotropic [Pa]; names the physical form.
         poisson_ratio: nu, or nu12 if orthotropic: contraction along v over extension along u, pulled along u.
         shear_modulus: G12 [Pa]; physical form; required with (E1, E2).
-        thickness: h [m]; required in the physical form, for the record in the others.
-        areal_density: Mass per area [kg/m2]; shell constants and the paper's weights.
+        thickness: h [m]; required of a surface in the physical form, for the record in the others.
+        areal_density: Mass per area [kg/m2]; shell constants, and surfaces with the paper's weights.
         membrane_stiffness: E h, or (E1 h, E2 h) [N/m]; names the form of shell constants.
         shear_stiffness: G12 h [N/m]; shell constants; required with (E1 h, E2 h).
-        bending_stiffness: D [N m]; shell constants; 0 or absent is a membrane.
+        bending_stiffness: D [N m]; shell constants; 0 or absent is a membrane. EI, or EI about directors 1 and 2
+            [N m2]; rod constants; 0 or absent is a string.
         bending_multipliers: Factors of the bending stiffness along u and v, for materials whose bending does not follow
             from their stretching (laminates, cloth); the twist and the cross term get their geometric mean.
-        eta: eta, or (eta11, eta22, eta12) [N/m]; names the form of the paper's weights.
-        xi: xi, or (xi11, xi22, xi12) [N m]; the paper's weights; 0 or absent is a membrane.
+        linear_density: Mass per length [kg/m]; rod constants, and curves with the paper's weights.
+        axial_stiffness: EA [N]; names the form of rod constants.
+        torsional_stiffness: GJ [N m2]; rod constants; absent is that of a round rod of nu = 0, the mean EI.
+        eta: eta, or (eta11, eta22, eta12) [N/m]; of a curve eta [N]; of a solid eta, or (eta11, eta22, eta33, eta12,
+            eta13, eta23) [Pa]; names the form of the paper's weights.
+        xi: xi, or (xi11, xi22, xi12) [N m]; of a curve, xi [N m2]; the paper's weights; 0 or absent: no bending.
+        inversion_barrier: Strength of the barrier that keeps the cells of a solid from turning inside out [Pa]; about
+            a fifth of E is enough; 0 or absent: none.
         damping: Mass-proportional damping gamma/mu [1/s].
         name: Name in messages.
         source: Where the numbers come from.
@@ -138,10 +226,14 @@ class Material:
     areal_density: float | None = None
     membrane_stiffness: float | Pair | None = None
     shear_stiffness: float | None = None
-    bending_stiffness: float | None = None
+    bending_stiffness: float | Pair | None = None
     bending_multipliers: Pair | None = None
-    eta: float | Triple | None = None
+    linear_density: float | None = None
+    axial_stiffness: float | None = None
+    torsional_stiffness: float | None = None
+    eta: float | Triple | Six | None = None
     xi: float | Triple | None = None
+    inversion_barrier: float | None = None
     damping: float = 0.0
     name: str = ""
     source: str = ""
@@ -154,7 +246,7 @@ class Material:
 
     @property
     def form(self) -> str:
-        """The key that names the form: "youngs_modulus", "membrane_stiffness" or "eta"."""
+        """The key that names the form: a key of `FORMS`."""
         return next(key for key in FORMS if getattr(self, key) is not None)
 
     @staticmethod
@@ -175,7 +267,13 @@ class Material:
         Isotropic: membrane C = E h / (1 - nu^2) [[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu)/2]], bending the same with
         D = E h^3 / (12 (1 - nu^2)) in place of E h / (1 - nu^2); orthotropic: the plane-stress matrix Q, C = Q h and
         Q h^3 / 12. Shell constants name D itself, with nu = sqrt(nu12 nu21) for its cross term and twist.
+
+        Raises:
+            InputError: The form is not one of surfaces, or what a surface needs beside it is missing.
         """
+        self._check_body("surface", {"youngs_modulus": "thickness", "membrane_stiffness": "", "eta": "areal_density"})
+        if isinstance(self.eta, tuple) and len(self.eta) != 3:
+            raise InputError(_foreign("eta", self.eta, "surface", "Use one number or [eta11, eta22, eta12], in N/m."))
         if self.form == "eta":
             assert self.areal_density is not None
             eta, xi = (_triple(weight) for weight in (self.eta, self.xi))
@@ -187,11 +285,82 @@ class Material:
             bending = membrane * (thickness**2 / 12.0)
         else:
             nu = nu12 * math.sqrt(e2 / e1)
-            bending = (self.bending_stiffness or 0.0) * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]])
+            bending = _pair(self.bending_stiffness)[0] * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]])
         m1, m2 = self.bending_multipliers or (1.0, 1.0)
         mixed = math.sqrt(m1 * m2)
         bending = bending * np.array([[m1, mixed, 0], [mixed, m2, 0], [0, 0, mixed]])
         return SurfaceCoefficients(areal_density, membrane, (e1, e2), bending, thickness)
+
+    def curve(self, section: Section | None = None) -> CurveCoefficients | PaperCurveWeights:
+        """The coefficients of a curve made of this material.
+
+        Physical units: EA, EI about both directors, GJ with G = E / (2 (1 + nu)), and rho A. The paper's weights go
+        with nu = 0 and a round section, so that GJ = EI = xi where a curve has twist at all (design 1.4).
+
+        Args:
+            section: Cross-section; what the physical form needs and no other does.
+
+        Raises:
+            InputError: The form is not one of curves, or what a curve needs beside it is missing.
+        """
+        self._check_body("curve", {"youngs_modulus": "", "axial_stiffness": "", "eta": "linear_density"})
+        if self.form == "youngs_modulus":
+            if section is None:
+                remedy = "Give a circular or rectangular section, in m, or use axial_stiffness and bending_stiffness."
+                raise InputError(Mistake("section", None, "is missing beside youngs_modulus in a curve", remedy))
+            assert self.density is not None
+            e, (i1, i2) = self._single("youngs_modulus"), section.moments
+            torsion = e / (2.0 * (1.0 + (self.poisson_ratio or 0.0))) * section.torsion
+            return CurveCoefficients(self.density * section.area, e * section.area, (e * i1, e * i2), torsion)
+        assert self.linear_density is not None
+        if self.form == "eta":
+            return PaperCurveWeights(self.linear_density, self._single("eta"), self._single("xi"))
+        assert self.axial_stiffness is not None
+        bending = _pair(self.bending_stiffness)
+        torsion = 0.5 * sum(bending) if self.torsional_stiffness is None else self.torsional_stiffness
+        return CurveCoefficients(self.linear_density, self.axial_stiffness, bending, torsion)
+
+    def solid(self) -> SolidCoefficients | PaperSolidWeights:
+        """The coefficients of a solid made of this material.
+
+        Raises:
+            InputError: The form is not one of solids, or what a solid needs beside it is missing or does not fit one.
+        """
+        self._check_body("solid", {"youngs_modulus": "", "eta": "density"})
+        assert self.density is not None
+        barrier = self.inversion_barrier or 0.0
+        if self.form == "eta":
+            eta = self.eta if isinstance(self.eta, tuple) else (self.eta or 0.0,) * 6
+            if len(eta) != 6:
+                remedy = "Use one number or [eta11, eta22, eta33, eta12, eta13, eta23], in Pa."
+                raise InputError(_foreign("eta", eta, "solid", remedy))
+            return PaperSolidWeights(self.density, eta, barrier)
+        if isinstance(self.youngs_modulus, tuple):
+            remedy = "Use one number, in Pa; solids are isotropic, or take the paper's weights."
+            raise InputError(_foreign("youngs_modulus", self.youngs_modulus, "solid", remedy))
+        for key in ("shear_modulus", "bending_multipliers"):
+            if getattr(self, key) is not None:
+                raise InputError(_foreign(key, getattr(self, key), "solid", f"Leave out {key}: solids are isotropic."))
+        assert self.youngs_modulus is not None
+        return SolidCoefficients(self.density, self.youngs_modulus, self.poisson_ratio or 0.0, barrier)
+
+    def _check_body(self, kind: str, needed: dict[str, str]) -> None:
+        """Refuse a form that does not describe such a body, lacks the key that it needs, or has one that it cannot."""
+        if self.form not in needed:
+            problem, remedy = f"does not describe a {kind}", f"Use one of {', '.join(needed)}."
+            raise InputError(Mistake(self.form, getattr(self, self.form), problem, remedy))
+        key = needed[self.form]
+        if key and getattr(self, key) is None:
+            raise InputError(Mistake(key, None, f"is missing beside {self.form}", QUANTITIES[key].remedy))
+        if kind != "solid" and self.inversion_barrier is not None:
+            raise InputError(_foreign("inversion_barrier", self.inversion_barrier, kind, "Leave it out."))
+
+    def _single(self, key: str) -> float:
+        """The value of a key that must be one number where a curve is meant; 0 if it is not given."""
+        value = getattr(self, key)
+        if isinstance(value, tuple):
+            raise InputError(Mistake(key, value, "must be one number in a curve", QUANTITIES[key].remedy))
+        return float(value or 0.0)
 
     def _membrane_constants(self) -> tuple[Pair, float | None, float, float]:
         """(E1 h, E2 h), G12 h (None: isotropic), thickness and mass per area of the two shell forms."""
@@ -229,10 +398,11 @@ class Material:
         named = [key for key in FORMS if key in given]
         if len(named) != 1:
             key, value = (named[1], getattr(self, named[1])) if named else ("youngs_modulus", None)
-            problem = f"does not go with {named[0]}" if named else "is missing, as are membrane_stiffness and eta"
+            problem = f"does not go with {named[0]}" if named else f"is missing, as are {_listed(list(FORMS)[1:])}"
             remedy = (
                 "Give either youngs_modulus with density, poisson_ratio and thickness, or membrane_stiffness with "
-                "areal_density, poisson_ratio and bending_stiffness, or eta with areal_density and xi."
+                "areal_density, poisson_ratio and bending_stiffness, or axial_stiffness with linear_density and "
+                "bending_stiffness, or eta with xi, and areal_density, linear_density or density."
             )
             return [Mistake(key, value, problem, remedy)]
         form = named[0]
@@ -242,6 +412,9 @@ class Material:
             for key in given
             if key not in allowed
         ]
+        if form != "axial_stiffness" and isinstance(self.bending_stiffness, tuple):
+            remedy = "Use N m, for example 1e-5, with bending_multipliers along u and v."
+            mistakes.append(Mistake("bending_stiffness", self.bending_stiffness, "must be one number", remedy))
         required = list(FORMS[form])
         if form != "eta" and isinstance(getattr(self, form), tuple):
             required.append(OPTIONAL[form][0])
@@ -281,7 +454,15 @@ def plane_stress(e1: float, e2: float, nu12: float, shear: float | None) -> NDAr
     return np.array([[across * e1, across * nu12 * e2, 0], [across * nu12 * e2, across * e2, 0], [0, 0, shear]])
 
 
-_COUNTED = {1: "one number", 2: "two numbers", 3: "three numbers"}
+def _listed(words: list[str]) -> str:
+    return ", ".join(words[:-1]) + " and " + words[-1]
+
+
+def _foreign(key: str, value: object, kind: str, remedy: str) -> Mistake:
+    return Mistake(key, value, f"does not go with a {kind}", remedy)
+
+
+_COUNTED = {1: "one number", 2: "two numbers", 3: "three numbers", 6: "six numbers"}
 
 
 def _numbers(value: object) -> tuple[float, ...] | None:
@@ -303,8 +484,8 @@ def _pair(value: float | Pair | None) -> Pair:
     return value if isinstance(value, tuple) else (value or 0.0, value or 0.0)
 
 
-def _triple(value: float | Triple | None) -> Triple:
-    return value if isinstance(value, tuple) else (value or 0.0, value or 0.0, value or 0.0)
+def _triple(value: float | Triple | Six | None) -> Triple:
+    return (value[0], value[1], value[2]) if isinstance(value, tuple) else (value or 0.0, value or 0.0, value or 0.0)
 
 
 _CLOTH_DATA = "Wang, O'Brien, Ramamoorthi, Data-Driven Elastic Models for Cloth, SIGGRAPH 2011"

@@ -36,7 +36,7 @@ def node_measures(grid: ParameterGrid, positions: Array) -> Array:
 
 
 def exposed_shares(grid: ParameterGrid, positions: Array, diameter: float = 0.0) -> Array:
-    """Node shares of the area that wind and pressure meet [m2], shape (*nodes).
+    """Node shares of the area that the outer world meets [m2], shape (*nodes, faces).
 
     Args:
         grid: Parameter grid.
@@ -44,11 +44,12 @@ def exposed_shares(grid: ParameterGrid, positions: Array, diameter: float = 0.0)
         diameter: Diameter of a curve [m].
 
     Returns:
-        Length times diameter of curves, the area of surfaces, of solids the skin: zero at inner nodes.
+        Length times diameter of curves; the area of surfaces; of solids, whose nodes have three faces, the sides at the
+        ends of u, v and w: zero at inner nodes.
     """
     if grid.dimension < 3:
-        return node_measures(grid, positions) * (diameter if grid.dimension == 1 else 1.0)
-    shares = np.zeros(grid.nodes)
+        return node_measures(grid, positions)[..., None] * (diameter if grid.dimension == 1 else 1.0)
+    shares = np.zeros((*grid.nodes, 3))
     for axis in range(3):
         if not grid.periodic[axis]:
             kept = [k for k in range(3) if k != axis]
@@ -57,7 +58,7 @@ def exposed_shares(grid: ParameterGrid, positions: Array, diameter: float = 0.0)
             for end in (0, -1):
                 at: list[slice | int] = [slice(None)] * 3
                 at[axis] = end
-                shares[tuple(at)] += node_measures(face, positions[tuple(at)])
+                shares[(*at, axis)] = node_measures(face, positions[tuple(at)])
     return shares
 
 

@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import warp as wp
 
+from warpdeform.attachment import Attachment
 from warpdeform.body import Body
 from warpdeform.device import find_device
 from warpdeform.errors import InputError, Mistake, SimulationFailure
+from warpdeform.forces.ties import make_ties
 from warpdeform.handle import BodyHandle
 from warpdeform.information import BodyInfo, SimulationInfo, TermInfo
 from warpdeform.integrators import INTEGRATORS, Problem
@@ -28,6 +30,7 @@ class Simulation:
     Args:
         bodies: At least one body, with names of their own.
         obstacles: Obstacles that every body meets.
+        attachments: What ties bodies to each other.
         wind: Moving air; None is still air that does not resist either.
         settings: Solver settings.
         lane_width: Nodes per lane group, for tests; None takes what suits the device.
@@ -42,6 +45,7 @@ class Simulation:
         bodies: Sequence[Body],
         *,
         obstacles: Sequence[Obstacle] = (),
+        attachments: Sequence[Attachment] = (),
         wind: Wind | None = None,
         settings: Settings | None = None,
         lane_width: int | None = None,
@@ -63,7 +67,12 @@ class Simulation:
         nodes = sum(handle.model.grid.node_count for handle in self.bodies)
         self.threads = choose_threads(self.settings.threads, nodes, self.device) if captured else 1
         terms = [handle.terms for handle in self.bodies]
-        problem = Problem(states, terms, self.settings, self._iteration, self.threads)
+        self.attachments = tuple(attachments)
+        named = {handle.name: handle for handle in self.bodies}
+        self.couplings, rigid = make_ties(
+            self.attachments, {n: h.body for n, h in named.items()}, {n: h.state for n, h in named.items()}
+        )
+        problem = Problem(states, terms, self.settings, self._iteration, self.threads, self.couplings, rigid)
         self._stepper = self.integrator.stepper(problem)
         self._team = Team(self.threads, self.device)
         self._record = RunRecord(
@@ -146,6 +155,9 @@ class Simulation:
         energy = Energy(work_in=self._record.energy.work_in)
         for handle in self.bodies:
             handle.add_energies(energy)
+        for coupling in self.couplings:
+            kind = coupling.energy_kind
+            setattr(energy, kind, getattr(energy, kind) + coupling.stored_energy())
         return replace(
             self._record,
             frames=self.frame + 1,

@@ -26,7 +26,7 @@ class State:
         self.model = model
         self.layout, self.real, self.lane_width = model.layout, model.real, model.lane_width
         self.device = model.device
-        self.mass, self.area, self.free = model.mass, model.area, model.free
+        self.mass, self.free = model.mass, model.free
         self.iteration = iteration
         self.x, self.v = model.zeros(3), model.zeros(3)
         plane = (self.layout.rows, self.layout.columns)

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from warpdeform.attachment import Attachment
 from warpdeform.errors import InputError
 from warpdeform.obstacle import SIZES
 from warpdeform.scene import BuiltScene, load_scene, scene_description, scene_names
@@ -169,3 +170,31 @@ def test_the_scene_of_the_design_keeps_its_keys() -> None:
     assert [pin.nodes for pin in body.pins] == ["corner:0,0", "corner:1,0"]
     assert body.material.areal_density == 0.2
     assert body.material.membrane_stiffness == 1000.0
+
+
+def test_attachments_tie_bodies(tmp_path: Path) -> None:
+    half = """
+[[body]]
+name = "{name}"
+nodes = [4, 4]
+shape = {{ kind = "sheet", size = [0.3, 0.3] }}
+material = "cotton"
+position = [{x}, 0.0, 0.0]
+"""
+    ties = """
+[[attachment]]
+body = "right"
+nodes = "edge:u,0"
+to = "left"
+at = "edge:u,1"
+{more}
+"""
+    bodies = half.format(name="left", x=0.0) + half.format(name="right", x=0.3)
+    file = tmp_path / "tied.toml"
+    file.write_text(bodies + ties.format(more=""))
+    scene = load_scene(file)
+    assert scene.attachments == (Attachment("right", "edge:u,0", "left", "edge:u,1"),)
+    file.write_text(bodies + ties.format(more="stiffness = -1.0") + ties.format(more="").replace("left", "middle"))
+    with pytest.raises(InputError) as caught:
+        load_scene(file)
+    assert [mistake.key for mistake in caught.value.mistakes] == ["attachment.0.stiffness", "attachment.1.to"]

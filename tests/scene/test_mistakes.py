@@ -101,7 +101,7 @@ MISTAKES = [
         "membrane_stiffness = 1000.0, ",
         "",
         "body.0.material.youngs_modulus",
-        "is missing, as are membrane_stiffness and eta",
+        "is missing, as are membrane_stiffness, axial_stiffness and eta",
     ),
     ("areal_density = 0.2", 'preset = "silkk"', "body.0.material", "is not a material preset. Use one of rubber"),
     ("areal_density = 0.2", "areal_densty = 0.2", "body.0.material.areal_densty", 'Did you mean "areal_density"?'),

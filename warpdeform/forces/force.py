@@ -32,8 +32,6 @@ class BodyArrays(GridArrays, Protocol):
 
     x: wp.array
     """Accepted position at the start of the step [m], shape (3, rows, columns)."""
-    area: wp.array
-    """Node shares of the rest area [m2], trapezoid weights, shape (1, rows, columns)."""
     iteration: wp.array
     """Newton iteration of this step, int32, shape (1,)."""
     partials: wp.array
@@ -65,6 +63,7 @@ class GridTerm(Protocol):
     sample_nodes: int
     gathering: Gathering | None
     fluxes: RowStruct
+    angled: bool
 
     def bytes(self) -> int: ...
 
@@ -77,6 +76,8 @@ class GridTerm(Protocol):
     def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None: ...
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None: ...
+
+    def write_band(self, body: GridArrays, band: wp.array) -> None: ...
 
 
 class CoarseTerm(GridTerm, Protocol):
@@ -113,6 +114,8 @@ class Force:
     """Largest eigenvalue that the node block per mass may come to between two looks at it [1/s2]; 0: as it is found."""
     most_steps: int = 1 << 30
     """Explicit steps that may share one `prepare`: few where parameters change with time."""
+    angled: bool = False
+    """The Hessian has the angles of segments eliminated: the direct solve along strands takes them as unknowns."""
     energy_kind: ClassVar[str] = "field"
     """Where reports book the energy: "elastic", "gravity", "field"; "" where none is stored (friction, wind)."""
 
@@ -161,7 +164,8 @@ class Force:
         """Add the derivative of the energy by the position [N]; valid after `linearise` at the same position."""
 
     def write_force(self, body: BodyArrays, position: wp.array) -> None:
-        """Write what the gradient at `position` is gathered from, and nothing for a Hessian (`force_gathering`)."""
+        """Write what the gradient at `position` is gathered from; no need for what only a Hessian needs."""
+        self.linearise(body, position)
 
     def write_fluxes(self, body: GridArrays, direction: wp.array) -> None:
         """Write the fluxes of the projected Hessian times `direction` (terms with a `gathering`)."""
@@ -176,6 +180,12 @@ class Force:
         """Add node blocks B with p'H p <= p'B p, H the projected Hessian of the last `linearise` (elastic terms)."""
         for _ in range(self.sample_nodes):
             self.add_block_diagonal(body, blocks)
+
+    def write_band(self, body: GridArrays, band: wp.array) -> None:
+        """Write the projected Hessian as the band of each strand [N/m], free nodes only (elastic terms of curves).
+
+        Float64 whatever the precision of the body; laid out as :mod:`warpdeform.kernels.strand_words` tells.
+        """
 
     def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
         """Add the whole Hessian of a node-wise term, one symmetric block per node [N/m], shape (6, rows, columns)."""

@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import warp as wp
 
-from warpdeform.errors import Mistake
+from warpdeform.errors import InputError, Mistake
 from warpdeform.forces.parameters import Parameters
 from warpdeform.integrators.explicit_body import ExplicitBody, takes_part
 from warpdeform.integrators.stepper import Problem, Replay, Stepper
@@ -60,12 +60,17 @@ class ExplicitStepper(Stepper):
 
     def __init__(self, problem: Problem, ahead: float, extrapolated: float) -> None:
         super().__init__(problem)
+        if problem.rigid:
+            problem_ = "moves every node by itself, and rigid attachments make some follow others"
+            remedy = "Give the attachment a stiffness, or use bdf2."
+            raise InputError(Mistake("integrator", self.settings.integrator, problem_, remedy))
         self._ahead, self._extrapolated = ahead, extrapolated
         device = self._device
         self.sums = Sums(self.states)
         self._displacing = any(takes_part(term) for own in self.terms for term in own)
         pairs = zip(self.states, self.terms, strict=True)
-        self._bodies = [ExplicitBody(state, own, self._displacing) for state, own in pairs]
+        coupled = [state for coupling in self._couplings for state in coupling.states]
+        self._bodies = [ExplicitBody(state, own, self._displacing, state in coupled) for state, own in pairs]
         self._working = any(body.kick.working for body in self._bodies)
         self._counts: wp.array = wp.zeros(entries.COUNTS, dtype=wp.int32, device=device)
         self._left = self._counts[entries.LEFT : entries.LEFT + 1]
@@ -171,12 +176,14 @@ class ExplicitStepper(Stepper):
         for pace in self._pace.values():
             ahead = self._ahead * dt
             pace.write([dt, 1.0 / dt, ahead, self._extrapolated, 1.0 / (count * dt), float(self._fresh)])
-        for state, own in zip(self.states, self.terms, strict=True):
-            state.model.place_targets(end)
+        self._place_targets(end)
+        for own in self.terms:
             for term in own:
                 # What is kept for several steps is that of their middle.
                 time = end if term.most_steps == 1 else 0.5 * (start + end)
                 term.prepare(time, count * dt, TAU)
+        for coupling in self._couplings:
+            coupling.prepare(0.5 * (start + end), count * dt, TAU)
 
     def _fastest_node(self) -> tuple[int, tuple[int, ...]]:
         """Body and node, one that is not finite before all others."""
@@ -206,24 +213,41 @@ class ExplicitStepper(Stepper):
 
     def _steps(self, together: int) -> None:
         """One step in place, or two: to the other array of positions and back."""
-        for body in self._bodies:
-            if together == 1:
-                body.displacing_step(self._pace)
-            else:
-                body.step(self._pace, body.state.x, body.state.z)
-                body.step(self._pace, body.state.z, body.state.x)
+        if together == 1:
+            self._displacing_step()
+        else:
+            self._step("x", "z")
+            self._step("z", "x")
         launch_alone(counting().count_down, 1, self._counts, device=self._device)
 
     def _last_step(self) -> None:
+        self._step("x", "z")
         for body in self._bodies:
-            body.step(self._pace, body.state.x, body.state.z)
             body.copy(body.state.z, body.state.x)
+
+    def _step(self, x: str, next_x: str) -> None:
+        """From one array of positions to another."""
+        for body in self._bodies:
+            body.add_gradients(getattr(body.state, x))
+        self._couple(x)
+        for body in self._bodies:
+            body.advance(self._pace, getattr(body.state, x), getattr(body.state, next_x))
+
+    def _displacing_step(self) -> None:
+        """In place, with all that terms do in a step."""
+        for body in self._bodies:
+            body.begin_step()
+            body.add_gradients(body.state.z)
+        self._couple("z")
+        for body in self._bodies:
+            body.advance(self._pace, body.state.z, body.state.direction)
+            body.end_step(self._pace)
 
     def _bound(self) -> None:
         """Largest frequency and rate of damping into the scalars."""
         for entry, damping in ((RATE, False), (DAMPING, True)):
             for body in self._bodies:
-                body.bound(damping)
+                body.bound(damping, self._couplings)
             self.sums.greatest_dots(entry, self._scalars)
 
     def _restore(self) -> None:

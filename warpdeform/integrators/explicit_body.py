@@ -5,6 +5,7 @@ from typing import Any
 
 import warp as wp
 
+from warpdeform.forces.coupling import Coupling
 from warpdeform.forces.force import Force
 from warpdeform.forces.parameters import Parameters
 from warpdeform.kernels.explicit import Kick, bursts, kicks, no_gathering
@@ -30,12 +31,13 @@ class ExplicitBody:
         state: The body.
         terms: Its terms.
         displacing: A term of any body takes part in every step.
+        coupled: Something couples it to other bodies.
 
     Attributes:
         kick: What a kick is made of.
     """
 
-    def __init__(self, state: State, terms: Sequence[Force], displacing: bool) -> None:
+    def __init__(self, state: State, terms: Sequence[Force], displacing: bool, coupled: bool = False) -> None:
         self.state, self.terms = state, tuple(terms)
         moving = state.model.pins_move
         gathered = [term for term in terms if term.force_gathering is not None][:1]
@@ -44,7 +46,7 @@ class ExplicitBody:
         self._others = [term for term in terms if term not in (*gathered, *pushing, *self._loads)]
         self.kick = Kick(
             gathering=gathered[0].force_gathering if gathered else None,
-            loaded=bool(self._loads or self._others),
+            loaded=bool(self._loads or self._others or coupled),
             pushed=bool(pushing),
             trailing=bool(self._loads),
             displacing=displacing,
@@ -82,21 +84,18 @@ class ExplicitBody:
         if self.kick.trailing:
             self._launch("trail", pace, state.x, state.v, state.w)
 
-    def step(self, paces: Paces, x: wp.array, x_out: wp.array) -> None:
-        """From one array of positions to another."""
-        self._add_gradients(x)
-        self._advance(paces, x, x_out)
-
-    def displacing_step(self, paces: Paces) -> None:
-        """In place, with all that terms do in a step."""
+    def begin_step(self) -> None:
+        """Before the forces of a step in place: z, which may not be x where obstacles move."""
         state = self.state
         for term in self.terms:
             term.begin(state)
         self.copy(state.x, state.z)
         for term in self.terms:
             term.carry(state, state.z)
-        self._add_gradients(state.z)
-        self._advance(paces, state.z, state.direction)
+
+    def end_step(self, paces: Paces) -> None:
+        """Clip the displacement of a step in place and move by it."""
+        state = self.state
         for term in self.terms:
             term.guard(state, state.z, state.direction)
         inputs = [paces[state.real].array, state.direction, state.z, state.x, state.v, self._trailing]
@@ -121,7 +120,7 @@ class ExplicitBody:
         for term in self.terms:
             term.restore(self.state)
 
-    def bound(self, damping: bool) -> None:
+    def bound(self, damping: bool, couplings: Sequence[Coupling]) -> None:
         """A bound on the largest squared frequency [1/s2], or rate of damping [1/s], into `State.dots`.
 
         Terms that name their own `most_rate` are left out.
@@ -136,6 +135,10 @@ class ExplicitBody:
                 term.add_majorant(state, self._blocks)
             else:
                 term.add_node_blocks(state, self._blocks)
+        for coupling in couplings if not damping else ():
+            coupling.linearise("x")
+            for _ in range(coupling.sample_nodes):
+                coupling.add_node_blocks(state, self._blocks)
         self._launch("bound_rates", self._blocks, self._per_mass, state.free, state.dots)
 
     def copy(self, a: wp.array, b: wp.array) -> None:
@@ -143,7 +146,7 @@ class ExplicitBody:
         state = self.state
         launch_lanes(krylov(state.lane_width, state.real).copy, state.layout, a, b, device=state.device)
 
-    def _add_gradients(self, position: wp.array) -> None:
+    def add_gradients(self, position: wp.array) -> None:
         """The gradient of all that is not gathered, loads first, so that their work can be told from the rest."""
         if not self.kick.loaded:
             return
@@ -156,7 +159,7 @@ class ExplicitBody:
             if terms is self._loads and terms:
                 self.copy(state.gradient, state.loads)
 
-    def _advance(self, paces: Paces, x: wp.array, next_out: wp.array) -> None:
+    def advance(self, paces: Paces, x: wp.array, next_out: wp.array) -> None:
         """The kick, from forces at `x`; what it moves by or to into `next_out`."""
         state, none = self.state, self._none
         loaded = state.gradient if self.kick.loaded else none

@@ -57,7 +57,7 @@ class NewtonStepper(Stepper):
         # What stores no energy comes first, so that its work can be told from the rest of the gradient.
         self._loads = [[term for term in own if not term.energy_kind] for own in self.terms]
         self._stored = [[term for term in own if term.energy_kind] for own in self.terms]
-        self.operator = LinearOperator(self.states, self.terms)
+        self.operator = LinearOperator(self.states, self.terms, problem.couplings, problem.rigid)
         self.sums = Sums(self.states)
         self.preconditioner = choose_preconditioner(settings.preconditioner, self.operator)
         self.preconditioner_name = self.preconditioner.name
@@ -144,6 +144,7 @@ class NewtonStepper(Stepper):
     def _prepare(self, k: int, start: float, end: float, dt: float) -> None:
         """Write what changes from stage to stage into device arrays (host, before the recorded stage is replayed)."""
         if k == 0:
+            self._place_targets(end)
             self._plan = self.method.stages(dt, self._dt_before), self.method.error(dt, self._dt_before)
         stage_, error = self._plan[0][k], self._plan[1]
         time = end if stage_.end == 1.0 else start + stage_.end * dt
@@ -155,9 +156,11 @@ class NewtonStepper(Stepper):
             self._weights[real].write(rows)
             self._rate[real].write([1.0 / stage_.tau])
         for state, own in zip(self.states, self.terms, strict=True):
-            state.model.place_targets(end if self.method.reflects else time)
+            state.model.move_targets(end if self.method.reflects else time)
             for term in own:
                 term.prepare(time, time - start, stage_.tau)
+        for coupling in self._couplings:
+            coupling.prepare(time, time - start, stage_.tau)
 
     def _record(self, k: int) -> None:
         """Launch stage k of a step; nothing in it asks the host."""
@@ -195,7 +198,7 @@ class NewtonStepper(Stepper):
         )
 
     def _start(self, k: int) -> None:
-        for state, own in zip(self.states, self.terms, strict=True):
+        for state in self.states:
             position, vector = (getattr(state, name) for name in self.method.stage_history[k])
             history = (state.x, position, state.v, vector)
             for row, made in ((W, state.w), (Y, state.y), (START, state.trial)):
@@ -203,12 +206,17 @@ class NewtonStepper(Stepper):
             self._lanes(state, "copy", state.x if k == 0 else state.x_mid, state.z)
             self._place_pins(state, state.z)
             self._place_pins(state, state.trial)
+        self.operator.spread("z")
+        self.operator.spread("trial")
+        for state, own in zip(self.states, self.terms, strict=True):
             for term in own:
                 if k == 0:
                     term.begin(state)
                 term.carry(state, state.z)
             self._stage(state, "difference", state.trial, state.z, state.direction)
             self._guard(state, own)
+        self.operator.spread("direction")
+        for state, own in zip(self.states, self.terms, strict=True):
             self._stage(state, "displace", self._scalars, state.z, state.direction, state.trial)
             for term in own:
                 if not term.elastic:
@@ -226,11 +234,16 @@ class NewtonStepper(Stepper):
             self._linearise(state, own)
             self._lanes(state, "clear", state.gradient)
             self._add_gradients(state, own)
+        self._couple("z")
+        for state in self.states:
             self._lanes(state, "mask", state.free, state.gradient)
+        self.operator.gather("gradient")
         self.operator.update()
         self.linear_solver.solve()
         for state, own in zip(self.states, self.terms, strict=True):
             self._guard(state, own)
+        self.operator.spread("direction")
+        for state in self.states:
             self._lanes(state, "dot", state.gradient, state.direction, state.dots)
         self.sums.total_dots(entries.SLOPE, self._scalars)
         self._greatest("direction", "free", entries.UPDATE)
@@ -258,6 +271,9 @@ class NewtonStepper(Stepper):
                 term.add_gradient(state, state.z, state.gradient)
             self._stage(state, "work_of_loads", state.gradient, state.z, before, state.dots)
             self._add_gradients(state, stored)
+        self._couple("z")
+        for state in self.states:
+            before = state.x if k == 0 else state.x_mid
             self._stage(state, "work_of_pins", state.free, state.gradient, state.z, before, state.dots)
         self.sums.total_dots(entries.WORK, self._scalars)
         self._decide("end_stage", wp.float64(2.0 if self.method.reflects else 1.0), self._scalars)
@@ -266,6 +282,7 @@ class NewtonStepper(Stepper):
                 inputs = (self._rate[state.real].array, state.z, state.w)
                 self._stage(state, "accept", *inputs, state.x_mid, state.v_mid)
             return
+        self.operator.gather("gradient")
         self._greatest("gradient", "mass", entries.RESIDUAL)
         self._estimate(k, ERROR, entries.ERROR)
         if not self.method.searches:
@@ -339,6 +356,8 @@ class NewtonStepper(Stepper):
             self._stage(state, "add_inertial_energy", state.mass, inertia, position, state.y, state.partials)
             for term in own:
                 term.add_energy(state, position, state.partials)
+        for coupling in self._couplings:
+            coupling.add_energy(vector)
         self.sums.total_partials(entry, self._scalars)
 
     def _greatest(self, vector: str, weight: str, entry: int) -> None:

@@ -8,7 +8,9 @@ import numpy as np
 import warp as wp
 
 from warpdeform.errors import Mistake
+from warpdeform.forces.coupling import Coupling
 from warpdeform.forces.force import Force
+from warpdeform.forces.ties import RigidTies
 from warpdeform.kernels.krylov import krylov
 from warpdeform.kernels.newton import decisions
 from warpdeform.kernels.stage import stage
@@ -31,6 +33,8 @@ class Problem:
         settings: Solver settings.
         iteration: The iteration counter that the states share, int32, shape (1,).
         threads: Threads that a step is shared by.
+        couplings: What acts between bodies.
+        rigid: Nodes that follow others.
     """
 
     states: Sequence[State]
@@ -38,6 +42,8 @@ class Problem:
     settings: Settings
     iteration: wp.array
     threads: int = 1
+    couplings: Sequence[Coupling] = ()
+    rigid: Sequence[RigidTies] = ()
 
     @property
     def device(self) -> Any:
@@ -76,6 +82,7 @@ class Stepper:
     def __init__(self, problem: Problem) -> None:
         self.states, self.settings = tuple(problem.states), problem.settings
         self.terms = [tuple(own) for own in problem.terms]
+        self._couplings = tuple(problem.couplings)
         self._device, self._iteration = problem.device, problem.iteration
         extents = [np.ptp(s.model.initial_positions.reshape(-1, 3), axis=0) for s in self.states]
         size = max(float(np.linalg.norm(extent)) for extent in extents)
@@ -146,6 +153,8 @@ class Stepper:
             state.model.place_targets(0.0)
             for term in own:
                 term.prepare(0.0, dt, dt)
+        for coupling in self._couplings:
+            coupling.prepare(0.0, dt, dt)
 
     def bytes(self) -> int:
         """Device memory beside that of states and terms [bytes]."""
@@ -164,6 +173,18 @@ class Stepper:
     def _decide(self, name: str, *inputs: Any) -> None:
         """Launch a decision of :mod:`warpdeform.kernels.newton`."""
         launch_alone(getattr(decisions(), name), 1, *inputs, device=self._device)
+
+    def _place_targets(self, time: float) -> None:
+        """Pins to where they are in the step that ends at `time`; others held than before are a disturbance."""
+        changed = [state.model.place_targets(time) for state in self.states]
+        if any(changed):
+            self.restart()
+
+    def _couple(self, vector: str) -> None:
+        """Add the gradients of what acts between bodies, at the positions of that name."""
+        for coupling in self._couplings:
+            coupling.linearise(vector)
+            coupling.add_gradient(vector, "gradient")
 
     def _flush(self, name: str, thread: int) -> None:
         """The floating-point mode is each thread's own."""

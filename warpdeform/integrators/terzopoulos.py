@@ -51,6 +51,9 @@ class Terzopoulos(Integrator):
                 body = state.model.body
                 problem_ = f"has the paper's force for surfaces only, and body {body.name!r} is a {body.kind}"
                 mistakes.append(Mistake("integrator", self.name, problem_, "Use bdf2."))
+        if problem.rigid:
+            problem_ = "knows no nodes that follow others, as rigid attachments make them"
+            mistakes.append(Mistake("integrator", self.name, problem_, "Give the attachment a stiffness, or use bdf2."))
         if problem.settings.time_step == "adaptive":
             problem_ = f"needs an estimate of the error, and {self.name} has none"
             mistakes.append(Mistake("time_step", "adaptive", problem_, "Use fixed, or another integrator."))
@@ -138,19 +141,24 @@ class PaperStepper(Stepper):
         for real in self._weights:
             self._weights[real].write([(0.0, -dt, 0.0), (0.0, dt, 0.0), (0.0, 0.0, 1.0)])
             self._rate[real].write([1.0 / dt])
-        for state, own in zip(self.states, self.terms, strict=True):
-            state.model.place_targets(end)
+        self._place_targets(end)
+        for own in self.terms:
             for term in own:
                 # Damping is the paper's C, by central differences from r_{t-dt}; other forces are those of t, but for
                 # moving obstacles, which are to be out of the way at the end.
                 damping = isinstance(term, Drag)
                 term.prepare(end if term.most_steps == 1 else start, dt, 2.0 * dt if damping else dt)
+        for coupling in self._couplings:
+            coupling.prepare(start, dt, dt)
 
     def _record(self) -> None:
         do_each(lambda thread: self._flush("enter_step", thread))
         self._decide("begin_step", self._scalars, self._state, self._iteration, self._impact)
         for state, own, paper in zip(self.states, self.terms, self._paper, strict=True):
             self._make_system(state, own, paper)
+        self._couple("x")
+        for state in self.states:
+            self._lanes(state, "mask", state.free, state.gradient)
         self.operator.update()
         self.linear_solver.solve()
         for state, own in zip(self.states, self.terms, strict=True):
@@ -192,7 +200,6 @@ class PaperStepper(Stepper):
         if self._exact:
             self._stage(state, "difference", state.y, state.x, state.direction)
             paper.add_hessian_product(state, state.direction, state.gradient)
-        self._lanes(state, "mask", state.free, state.gradient)
 
     def _accept(self) -> None:
         for state, own in zip(self.states, self.terms, strict=True):

@@ -72,6 +72,7 @@ class ConjugateGradient:
     def _precondition(self) -> None:
         """conditioned = P residual, by another P where r.P r is negative or P was on trial for long enough."""
         self.preconditioner.apply()
+        self.operator.spread("conditioned")
         self._sums.gather_dots()
         if self.preconditioner.retreats:
             self._scalar("judge_preconditioner", self.scalars, self.state)
@@ -80,6 +81,7 @@ class ConjugateGradient:
     def _precondition_again(self) -> None:
         self.preconditioner.retreat(self.state)
         self.preconditioner.apply()
+        self.operator.spread("conditioned")
         self._sums.gather_dots()
         self._scalar("judge_preconditioner", self.scalars, self.state)
 

@@ -14,8 +14,9 @@ from warpdeform.body import DENSITIES, Body, Pin, Spring, rotate
 from warpdeform.material import Material
 from warpdeform.scene.collect import Collector, look
 from warpdeform.scene.keys import Path, closest
-from warpdeform.scene.schema import BodyTable, PinTable, SpringTable, StrandsTable
+from warpdeform.scene.schema import BodyTable, PinTable, SectionTable, SpringTable, StrandsTable
 from warpdeform.scene.tracks import held_track, quaternion
+from warpdeform.section import Section
 from warpdeform.selectors import select_nodes
 from warpdeform.shape import (
     KINDS,
@@ -55,6 +56,12 @@ def make_body(table: BodyTable, index: int, collector: Collector) -> Body | None
         "pressure": table.pressure,
         **look(table, at, collector),
     }
+    if table.section is not None:
+        arguments["section"] = _section(table.section, (*at, "section"), collector)
+    if table.natural is not None and kind == "curve":
+        arguments["natural"] = _shape(table, kind, at, collector, "natural")
+    if table.director is not None:
+        arguments["director"] = tuple(table.director)
     if shape is not None:
         start = rotate(arguments["rotation"], shape.positions) + np.asarray(table.position)
         arguments["pins"] = _held(table.pins, (*at, "pins"), shape.kind, start, _pin, collector)
@@ -95,14 +102,27 @@ def _material(table: BodyTable, at: Path, collector: Collector) -> Material | No
     return None
 
 
-def _shape(table: BodyTable, kind: str, at: Path, collector: Collector) -> RestShape | None:
-    """The rest shape; None also where examples stand in for what was refused."""
+def _section(table: SectionTable, at: Path, collector: Collector) -> Section | None:
+    given = {key: value for key, value in table.model_dump().items() if value is not None}
+    with collector.at(at):
+        if given.keys() == {"radius"}:
+            return Section.circular(**given)
+        if given.keys() == {"width", "height"}:
+            return Section.rectangular(**given)
+        remedy = "Use for example { radius = 0.002 } or { width = 0.01, height = 0.002 }."
+        collector.refuse(at, dict(given), "must be a radius, or width and height", remedy)
+    return None
+
+
+def _shape(table: BodyTable, kind: str, at: Path, collector: Collector, which: str = "shape") -> RestShape | None:
+    """The rest shape, or another one of the same nodes; None also where examples stand in for what was refused."""
+    wanted = getattr(table, which)
     nodes: Sequence[int] = _STAND_INS[kind].nodes[: KINDS.index(kind) + 1]
     if collector.sound((*at, "nodes")):
         with collector.at(at):
             # A file may hold many strands.
-            nodes = table.nodes if table.shape.kind == "file" else checked_nodes(table.nodes, kind)
-    given = {key: _tuple(value) for key, value in table.shape.model_dump().items() if key != "kind"}
+            nodes = table.nodes if wanted.kind == "file" else checked_nodes(table.nodes, kind)
+    given = {key: _tuple(value) for key, value in wanted.model_dump().items() if key != "kind"}
     if "path" in given:
         given["path"], given["kind"] = collector.file.parent / given["path"], kind
     copies: dict[str, Any] = {}
@@ -114,12 +134,12 @@ def _shape(table: BodyTable, kind: str, at: Path, collector: Collector) -> RestS
     if math.prod(nodes) * len(copies.get("roots", [0])) > MOST_NODES:
         collector.refuse((*at, "nodes"), table.nodes, f"is more than {MOST_NODES} nodes", "Use for example [64, 64].")
         return None
-    with collector.at((*at, "shape"), {"positions": (*at, "shape"), "nodes": (*at, "nodes")}):
-        shape = SHAPES[table.shape.kind](nodes=nodes, **given)
+    with collector.at((*at, which), {"positions": (*at, which), "nodes": (*at, "nodes")}):
+        shape = SHAPES[wanted.kind](nodes=nodes, **given)
         if copies:
-            with collector.at((*at, "strands"), {"curve": (*at, "shape"), "positions": (*at, "shape")}):
+            with collector.at((*at, "strands"), {"curve": (*at, which), "positions": (*at, which)}):
                 shape = strands(shape, **copies)
-        return shape if collector.sound((*at, "nodes"), (*at, "shape"), (*at, "strands")) else None
+        return shape if collector.sound((*at, "nodes"), (*at, which), (*at, "strands")) else None
     return None
 
 
@@ -178,7 +198,7 @@ def _pin(table: PinTable, held: NDArray[np.float64], at: Path, collector: Collec
     track = None
     with collector.at((*at, "path")):
         track = held_track(table.path, held) if table.path else None
-    return Pin(table.nodes, track)
+    return Pin(table.nodes, track, table.until)
 
 
 def _spring(table: SpringTable, held: NDArray[np.float64], at: Path, collector: Collector) -> Spring:
@@ -187,7 +207,7 @@ def _spring(table: SpringTable, held: NDArray[np.float64], at: Path, collector: 
     track = None
     with collector.at((*at, "path")):
         track = held_track(table.path, np.array([point]) if point else held) if table.path else None
-    return Spring(table.nodes, table.stiffness, point, track)
+    return Spring(table.nodes, table.stiffness, point, track, table.until)
 
 
 def _tuple(value: Any) -> Any:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from warpdeform.attachment import Attachment, find_all_ties, find_ties
 from warpdeform.body import Body
 from warpdeform.errors import InputError, Mistake
 from warpdeform.obstacle import Obstacle
@@ -33,6 +34,7 @@ class BuiltScene:
         raw: The same as plain tables.
         bodies: Deformable bodies.
         obstacles: Obstacles.
+        attachments: What ties bodies to each other.
         wind: Stream of air; None if the air is at rest.
         settings: How it is solved.
         frames: Samples that are written, the initial state included.
@@ -44,6 +46,7 @@ class BuiltScene:
     raw: Mapping[str, Any]
     bodies: tuple[Body, ...]
     obstacles: tuple[Obstacle, ...]
+    attachments: tuple[Attachment, ...]
     wind: Wind | None
     settings: Settings
     frames: int
@@ -91,6 +94,7 @@ def build(spec: SceneFile, raw: Mapping[str, Any], collector: Collector) -> Buil
         with collector.at(("wind",)):
             wind = Wind(**{**spec.wind.model_dump(), "velocity": tuple(spec.wind.velocity)})
     _check_names(spec, collector)
+    attachments = _attachments(spec, bodies, collector)
     if collector.mistakes or settings is None:
         raise InputError(collector.mistakes)
     return BuiltScene(
@@ -100,10 +104,26 @@ def build(spec: SceneFile, raw: Mapping[str, Any], collector: Collector) -> Buil
         raw=raw,
         bodies=tuple(body for body in bodies if body),
         obstacles=tuple(obstacle for obstacle in obstacles if obstacle),
+        attachments=attachments,
         wind=wind,
         settings=settings,
         frames=frames,
     )
+
+
+def _attachments(spec: SceneFile, bodies: Sequence[Body | None], collector: Collector) -> tuple[Attachment, ...]:
+    named = {body.name: body for body in bodies if body}
+    made: list[Attachment] = []
+    for index, table in enumerate(spec.attachment):
+        with collector.at(("attachment", index)):
+            attachment = Attachment(**table.model_dump())
+            if len(named) == len(spec.body):
+                find_ties(attachment, named)
+                made.append(attachment)
+    if len(made) == len(spec.attachment):
+        with collector.at(()):
+            find_all_ties(made, named)
+    return tuple(made)
 
 
 def _settings(spec: SceneFile, collector: Collector) -> Settings | None:

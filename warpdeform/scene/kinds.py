@@ -11,12 +11,12 @@ from pydantic import Field, create_model
 
 from warpdeform.material import QUANTITIES
 from warpdeform.obstacle import SIZES
-from warpdeform.scene.table import ROTATION, NumberOrPair, NumberOrTriple, Pair, Table, Vector, key
+from warpdeform.scene.table import ROTATION, NumberOrPair, NumberOrTriple, NumberOrWeights, Pair, Table, Vector, key
 from warpdeform.shape import SHAPES
 
 
 class PresetTable(Table):
-    """A preset, or a material in one of its three forms; with a preset, the numbers beside it replace its own."""
+    """A preset, or a material in one of its four forms; with a preset, the numbers beside it replace its own."""
 
     shorthand = "preset"
     preset: str | None = key(None, "Name of a preset", example="cotton", words="the name of a preset")
@@ -69,6 +69,7 @@ _NUMBERS: dict[tuple[int, ...], tuple[Any, str]] = {
     (2,): (Pair, "2 numbers"),
     (1, 2): (NumberOrPair, "a number, or two: along u and v"),
     (1, 3): (NumberOrTriple, "a number, or three: 11, 22, 12"),
+    (1, 3, 6): (NumberOrWeights, "a number, or three: 11, 22, 12, or six: 11, 22, 33, 12, 13, 23"),
 }
 
 _SHAPE_KEYS: dict[str, tuple[str, str]] = {

@@ -122,3 +122,11 @@ def asymmetry(positions: Array, axis: int, across: int) -> float:
     mirrored = np.flip(positions, axis=axis).copy()
     mirrored[..., across] *= -1.0
     return float(np.max(np.linalg.norm(mirrored - positions, axis=-1)))
+
+
+def folds(positions: NDArray[np.float64]) -> float:
+    """Largest angle between the normals of neighbouring cells [degrees]; positions of shape (nu, nv, 3)."""
+    normals = np.cross(positions[1:, 1:] - positions[:-1, :-1], positions[:-1, 1:] - positions[1:, :-1])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    cosines = [np.sum(normals[1:] * normals[:-1], axis=-1), np.sum(normals[:, 1:] * normals[:, :-1], axis=-1)]
+    return float(np.degrees(np.arccos(np.clip(min(c.min() for c in cosines), -1.0, 1.0))))

@@ -40,7 +40,13 @@ def simulation_of(scene: BuiltScene) -> Simulation:
     from warpdeform.simulation import Simulation  # Warp is loaded only when something runs
 
     try:
-        return Simulation(scene.bodies, obstacles=scene.obstacles, wind=scene.wind, settings=scene.settings)
+        return Simulation(
+            scene.bodies,
+            obstacles=scene.obstacles,
+            attachments=scene.attachments,
+            wind=scene.wind,
+            settings=scene.settings,
+        )
     except InputError as error:
         raise InputError([_in_file(mistake, scene) for mistake in error.mistakes]) from None
 

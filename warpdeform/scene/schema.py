@@ -79,6 +79,7 @@ class PinTable(Table):
     shorthand = "nodes"
     nodes: Selector = key(..., "Which nodes", example="corner:0,0", words=_SELECTOR)
     path: HeldPathTable | None = key(None, "How they are led; left out: they stay where they are", words="a table")
+    until: float | None = key(None, "When they are let go; left out: never", unit="s", example=1.0, words="a number")
 
 
 class SpringTable(Table):
@@ -90,6 +91,7 @@ class SpringTable(Table):
         None, "Where they pull to; left out: each node to its start", unit="m", example=[0, 0, 1], words="3 numbers"
     )
     path: HeldPathTable | None = key(None, "How that point moves; left out: it stays where it is", words="a table")
+    until: float | None = key(None, "When they let go; left out: never", unit="s", example=1.0, words="a number")
 
 
 class StrandsTable(Table):
@@ -119,6 +121,14 @@ class StrandsTable(Table):
     )
 
 
+class SectionTable(Table):
+    """The cross-section of a curve: a disc, or a rectangle."""
+
+    radius: float | None = key(None, "Radius of a disc", unit="m", example=0.002, words="a number")
+    width: float | None = key(None, "Width of a rectangle, along director 1", unit="m", example=0.01, words="a number")
+    height: float | None = key(None, "Height of a rectangle", unit="m", example=0.002, words="a number")
+
+
 class BodyTable(Table):
     """[[body]]: a deformable curve, surface or solid, where it starts and what holds it."""
 
@@ -132,6 +142,18 @@ class BodyTable(Table):
     )
     shape: ShapeTable = key(..., "Rest shape", example={"kind": "sheet"}, words="a table")
     strands: StrandsTable | None = key(None, "Copies of a curve; left out: one", words="a table")
+    section: SectionTable | None = key(
+        None, "Cross-section of a curve, for materials in physical units", example={"radius": 0.002}, words="a table"
+    )
+    natural: ShapeTable | None = key(
+        None, "Shape of a curve whose curvature and twist need no force; left out: the rest shape", words="a table"
+    )
+    director: Vector | None = key(
+        None,
+        "Where director 1 of a curve's section (its width) points, at the first segment; left out: anywhere",
+        example=[0.0, 0.0, 1.0],
+        words="3 numbers",
+    )
     material: MaterialTable = key(..., "Preset, or numbers", example="cotton", words="a preset or a table of numbers")
     position: Vector = key([0.0, 0.0, 0.0], "Where the rest shape's origin starts", unit="m", example=[0.0, 0.0, 1.0])
     rotation: Vector = key([0.0, 0.0, 0.0], ROTATION, unit="degrees", example=[90.0, 0.0, 0.0])
@@ -143,6 +165,23 @@ class BodyTable(Table):
     pressure: float = key(0.0, "Pressure inside of a tube, torus or sphere over that outside", unit="Pa", example=50.0)
     color: Vector | None = key(None, "Colour, linear RGB", example=[0.55, 0.13, 0.11], words="3 numbers")
     roughness: float | None = key(None, "Roughness, 0 (mirror) to 1 (matt)", example=0.7, words="a number")
+
+
+class AttachmentTable(Table):
+    """[[attachment]]: nodes of a body that hang on points of another; see `warpdeform.attachment.Attachment`."""
+
+    body: str = key(..., "Body whose nodes are attached; rigid ones follow the other body", example="curtain")
+    nodes: Selector = key(..., "Which of its nodes", example="edge:v,1", words=_SELECTOR)
+    to: str = key(..., "Body that they are attached to", example="rod")
+    at: Selector | list[list[float]] = key(
+        "nearest",
+        "Where on it: as many nodes, nodes of an edge, the nearest points, or parameters from 0 to 1",
+        example="nearest",
+        words='a selector, "nearest", or a list of parameters [[u, v], ...]',
+    )
+    stiffness: float | None = key(
+        None, "Stiffness of each node's tie; left out: rigid", unit="N/m", example=100.0, words="a number"
+    )
 
 
 class WindTable(Table):
@@ -173,6 +212,7 @@ class SceneFile(Table):
         words="tables [[body]], at least one",
     )
     obstacle: list[AnyObstacleTable] = key([], "Obstacles", words="tables [[obstacle]]")
+    attachment: list[AttachmentTable] = key([], "What ties bodies to each other", words="tables [[attachment]]")
     wind: WindTable | None = key(None, "Stream of air; left out: the air is at rest", words="a table [wind]")
     output: OutputTable = key(OutputTable(), "What is written", words="a table [output]")
 
