@@ -352,7 +352,11 @@ class FakeModel:
     def download(self, array: wp.array) -> Array:
         return self.curve.download(array)
 
-    def place_targets(self, time: float) -> None:
+    def place_targets(self, time: float) -> bool:
+        """Pins stay where they are, and none lets go."""
+        return False
+
+    def move_targets(self, time: float) -> None:
         """Pins stay where they are."""
 
 

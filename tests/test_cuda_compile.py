@@ -19,6 +19,7 @@ import warp as wp
 
 import warpdeform.kernels
 from warpdeform.kernels.curve import curve
+from warpdeform.kernels.explicit import Kick
 from warpdeform.kernels.products import Gathering
 from warpdeform.kernels.solid_gather import solid_gather
 from warpdeform.kernels.surface import surface
@@ -37,9 +38,14 @@ GATHERINGS: list[Callable[[int, Any], Gathering]] = [
 GATHERINGS += [partial(lambda width, real, n: curve(width, real, n).gathering, n=n) for n in (0, 2, 3)]
 GATHERINGS.append(lambda width, real: solid_gather(width, real).gathering)
 """The gatherings of all elastic terms, by lane width and precision."""
+KICKS: list[Callable[[int, Any], Kick]] = [
+    lambda width, real: Kick(surface(width, real, True, True).gathering, True, True, True, False, True),
+    lambda width, real: Kick(None, True, False, True, True, True),
+]
+"""Two explicit steps, which together have all there is to a kick, by lane width and precision."""
 WORDS_ONLY = {
-    "angle_system", "angles", "curve_geometry", "distances", "geometry", "lanes", "solid_geometry", "solid_volume",
-    "strand_border", "strand_words", "transfer_tables", "transfers",
+    "angle_system", "angles", "curve_geometry", "distances", "geometry", "lanes", "no_gathering", "solid_geometry",
+    "solid_volume", "strand_border", "strand_words", "transfer_tables", "transfers",
 }  # fmt: skip
 """Factories of device functions that have no kernel of their own."""
 
@@ -67,10 +73,10 @@ def variants() -> Iterator[Any]:
     """Every factory but those of words, with every combination of its options."""
     for factory in factories():
         parameters = inspect.signature(factory).parameters.values()
-        known: dict[Any, list[Any]] = {**VALUES, Gathering: GATHERINGS}
+        known: dict[Any, list[Any]] = {**VALUES, Gathering: GATHERINGS, Kick: KICKS}
         options = [known[p.name if p.name in known else p.annotation] for p in parameters]
         for chosen in itertools.product(*options) if factory.__name__ not in WORDS_ONLY else ():
-            values = tuple(value(*chosen[:2]) if value in GATHERINGS else value for value in chosen)
+            values = tuple(value(*chosen[:2]) if value in (*GATHERINGS, *KICKS) else value for value in chosen)
             words = [getattr(value, "__name__", getattr(value, "name", str(value))) for value in values]
             yield pytest.param(factory, values, id="-".join([factory.__name__, *words]))
 
@@ -118,7 +124,7 @@ def test_kernels_compile_for_cuda(
 def test_no_factory_of_kernels_is_overlooked() -> None:
     found = {factory.__name__ for factory in factories()}
     assert found >= WORDS_ONLY
-    assert {"krylov", "reductions", "stage", "decisions", "surface", "surface_coupling"} <= found
+    assert {"krylov", "reductions", "stage", "decisions", "surface", "surface_coupling", "kicks", "bursts"} <= found
     assert {"fields", "guards", "wind"} <= found
     assert {"curve", "curve_frame", "curve_settle", "curve_blocks", "strand"} <= found
     assert {"solid", "solid_blocks", "solid_gather", "solid_levels"} <= found

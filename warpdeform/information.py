@@ -30,7 +30,7 @@ class SimulationInfo:
 
     Attributes:
         bodies: One entry per body.
-        preconditioner: Name of the preconditioner.
+        preconditioner: Name of the preconditioner; empty where nothing is solved.
         solver_bytes: Memory of operator and preconditioner [bytes].
     """
 
@@ -52,6 +52,7 @@ class SimulationInfo:
             lines.append(f"{body.name}: {body.kind} {grid}, state {body.bytes / count:.0f} B/node")
             for term in body.terms:
                 lines.append(f"  {term.name}: {term.bytes / count:.0f} B/node; kernels {', '.join(term.kernels)}")
-        lines.append(f"solver: conjugate gradient, {self.preconditioner}, {self.solver_bytes / nodes:.0f} B/node")
+        solver = f"conjugate gradient, {self.preconditioner}" if self.preconditioner else "explicit"
+        lines.append(f"solver: {solver}, {self.solver_bytes / nodes:.0f} B/node")
         lines.append(f"total: {self.bytes_total} bytes, {self.bytes_total / nodes:.0f} B/node")
         return lines

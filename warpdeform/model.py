@@ -88,14 +88,18 @@ class Model:
         Returns:
             Whether other nodes are held than in the step before.
         """
-        if self.pins_move:
-            self.target.assign(self.layout.pack(self._pin_targets(time)))
+        self.move_targets(time)
         let_go = sum(pin.is_over(time) for pin, _ in self._pinned)
         changed = let_go != self._let_go
         if changed:
             self._let_go = let_go
             self.free.assign(self.layout.pack(self._free_nodes(time)))
         return changed
+
+    def move_targets(self, time: float) -> None:
+        """Write where moving pins are at `time` [s], in the middle of a step too; does nothing for pins that stay."""
+        if self.pins_move:
+            self.target.assign(self.layout.pack(self._pin_targets(time)))
 
     def _free_nodes(self, time: float) -> Array:
         free = np.ones(self.body.nodes)

@@ -484,6 +484,6 @@ def test_a_step_allocates_nothing_on_the_device(name: str, monkeypatch: pytest.M
     assert made, "the count does not work"
     made.clear()
     for _ in range(3):
-        simulation._solver.prepare(simulation.integrator.stage(simulation.dt, simulation.dt), 0.1, simulation.dt)
-        simulation._team.replay()
+        simulation._stepper._prepare(0, 0.1, 0.1 + simulation.dt, simulation.dt)
+        simulation._replay("stage 0")
     assert not made

@@ -11,8 +11,8 @@ from physics.statics import AT_REST, GRAVITY
 
 from warpdeform.forces.force import Force
 from warpdeform.forces.gravity import Gravity
-from warpdeform.integrators.implicit_euler import ImplicitEuler
-from warpdeform.integrators.newton import NewtonSolver
+from warpdeform.integrators import ImplicitEuler, Problem
+from warpdeform.integrators.newton import NewtonStepper
 from warpdeform.result import StepRecord
 from warpdeform.settings import Settings
 from warpdeform.state import State
@@ -52,7 +52,8 @@ class Strands:
         terms: list[Force] = [curve.force]
         if any(gravity):
             terms.append(Gravity(self.state, gravity))
-        self._solver = NewtonSolver([self.state], [terms], replace(settings), iteration)
+        problem = Problem([self.state], [terms], replace(settings), iteration)
+        self._stepper = NewtonStepper(problem, ImplicitEuler())
 
     @property
     def positions(self) -> Array:
@@ -60,9 +61,10 @@ class Strands:
 
     def step(self, dt: float) -> StepRecord:
         """One step of backward Euler."""
-        self._solver.prepare(ImplicitEuler().stage(dt, None), 0.0, dt)
-        self._solver.record()
-        return self._solver.report()
+        recordings = self._stepper.recordings()
+        report = self._stepper._attempt(0.0, dt, dt, lambda name: recordings[name]())
+        assert report.completed, report.outcome.value
+        return report
 
     def settle(self, dt: float = 100.0) -> Array:
         """Positions at rest: steps of `dt` [s] until no node moves by more than 1e-7 m."""

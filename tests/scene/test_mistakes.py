@@ -48,6 +48,8 @@ MISTAKES = [
     ('integrator = "bdf2"', 'integrator = "bdf3"', "solver.integrator", 'is no integrator. Did you mean "bdf2"?'),
     ('integrator = "bdf2"', 'preconditioner = "magic"', "solver.preconditioner", "Use auto or none or jacobi"),
     ('integrator = "bdf2"', 'precision = "double"', "solver.precision", "Use float32 or float64."),
+    ('integrator = "bdf2"', 'time_step = "free"', "solver.time_step", "is no choice of steps. Use auto or fixed or"),
+    ('integrator = "bdf2"', "time_tolerance = 0.0", "solver.time_tolerance", "must be positive [m]"),
     ('integrator = "bdf2"', "substeps = 0", "solver.substeps", "must be at least 1"),
     ('integrator = "bdf2"', "substeps = 1.5", "solver.substeps", "must be a whole number"),
     ('integrator = "bdf2"', "newton_iterations = -1", "solver.newton_iterations", "must not be negative"),

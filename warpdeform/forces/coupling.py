@@ -19,6 +19,8 @@ class Coupling:
 
     name: ClassVar[str] = "coupling"
     energy_kind: ClassVar[str] = "field"
+    sample_nodes: int = 5
+    """Most nodes that one sample of the energy couples, as of a :class:`~warpdeform.forces.force.Force`."""
     states: Sequence[Any]
 
     @property

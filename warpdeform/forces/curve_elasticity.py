@@ -103,6 +103,7 @@ class CurveElasticity(Force):
         self._halo = Halo(layout, real, device)
         self.gathering = self._words.gathering
         self.fluxes = RowStruct(self.gathering.Fluxes, {"flux": self.flux})
+        self.force_gathering, self.force_fluxes = self.gathering, self.fluxes
         self.frames: MaterialFrames | None = None
         if strains == 3:
             shape, bent = (rest, None) if natural is None else (natural, rest)
@@ -202,6 +203,14 @@ class CurveElasticity(Force):
         """The frames of the accepted step are what the next one starts from."""
         if self.frames:
             self.frames.accept(body.x)
+
+    def keep(self, body: BodyArrays) -> None:
+        if self.frames:
+            self.frames.keep()
+
+    def restore(self, body: BodyArrays) -> None:
+        if self.frames:
+            self.frames.restore()
 
     def reset(self) -> None:
         """Frames as at the start of a run."""

@@ -1,6 +1,7 @@
 """The material frames of a curve body: their arrays, how they follow the curve, and what holds them (design 1.3)."""
 
 from collections.abc import Sequence
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -193,6 +194,25 @@ class MaterialFrames:
             self._twist_before,
         )  # fmt: skip
         do_alone(self._angle.zero_)
+
+    def keep(self) -> None:
+        """Keep the frames that the next step starts from."""
+        for kept, array in zip(self._kept, self._history, strict=True):
+            do_alone(partial(kept.assign, array))
+
+    def restore(self) -> None:
+        """Go back to the frames that were kept."""
+        for kept, array in zip(self._kept, self._history, strict=True):
+            do_alone(partial(array.assign, kept))
+        do_alone(self._angle.zero_)
+
+    @property
+    def _history(self) -> tuple[wp.array, ...]:
+        return (self._tangent, self._director, self._twist_before)
+
+    @cached_property
+    def _kept(self) -> tuple[wp.array, ...]:
+        return tuple(wp.zeros_like(array) for array in self._history)
 
     def strains(self, position: wp.array) -> Array:
         """kappa_1, kappa_2 and the twist [rad] of the nodes at a position, shape (n, strands, 3); zero at open ends."""

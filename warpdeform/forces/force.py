@@ -32,12 +32,14 @@ class BodyArrays(GridArrays, Protocol):
 
     x: wp.array
     """Accepted position at the start of the step [m], shape (3, rows, columns)."""
-    w: wp.array
-    """Base of the stage velocity (z - w) / tau [m], shape (3, rows, columns)."""
     iteration: wp.array
     """Newton iteration of this step, int32, shape (1,)."""
     partials: wp.array
     """Partial sums per node or lane group, float64, shape (rows, columns)."""
+
+    @property
+    def w(self) -> wp.array:
+        """Base of the stage velocity (z - w) / tau [m], shape (3, rows, columns)."""
 
 
 class Coarsening(Protocol):
@@ -106,6 +108,18 @@ class Force:
     """How the Hessian product is gathered from fluxes: of the one term of a body that makes it hold together."""
     fluxes: RowStruct
     """What is gathered from."""
+    force_gathering: Gathering | None = None
+    """How the force that `write_force` has written is gathered; None: there are only `linearise` and `add_gradient`."""
+    force_fluxes: RowStruct
+    """What that is gathered from."""
+    uniform: wp.array | None = None
+    """The acceleration that the term gives every node [m/s2], shape (3,), if that is all it does."""
+    quadratic: bool = False
+    """Strains are quadratic in the positions, and `linearise_mean` takes their means (elastic terms)."""
+    most_rate: float = 0.0
+    """Largest eigenvalue that the node block per mass may come to between two looks at it [1/s2]; 0: as it is found."""
+    most_steps: int = 1 << 30
+    """Explicit steps that may share one `prepare`: few where parameters change with time."""
     angled: bool = False
     """The Hessian has the angles of segments eliminated: the direct solve along strands takes them as unknowns."""
     energy_kind: ClassVar[str] = "field"
@@ -136,6 +150,13 @@ class Force:
     def linearise(self, body: BodyArrays, position: wp.array) -> None:
         """Store at a Newton iterate what gradient, Hessian product and blocks need."""
 
+    def linearise_mean(self, body: BodyArrays, position: wp.array, start: wp.array) -> None:
+        """As `linearise`, in the middle of a step from `start`, with the mean of the strains at its ends (`quadratic`).
+
+        With them the work of the force over the step is exactly what the energy changes by.
+        """
+        raise NotImplementedError
+
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
         """Add the energy [J] to `partials` (float64, [rows, columns]), each thread at its own node's entry."""
 
@@ -148,6 +169,10 @@ class Force:
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the derivative of the energy by the position [N]; valid after `linearise` at the same position."""
 
+    def write_force(self, body: BodyArrays, position: wp.array) -> None:
+        """Write what the gradient at `position` is gathered from; no need for what only a Hessian needs."""
+        self.linearise(body, position)
+
     def write_fluxes(self, body: GridArrays, direction: wp.array) -> None:
         """Write the fluxes of the projected Hessian times `direction` (terms with a `gathering`)."""
 
@@ -156,6 +181,11 @@ class Force:
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian [N/m], shape (6, rows, columns) (elastic terms)."""
+
+    def add_majorant(self, body: BodyArrays, blocks: wp.array) -> None:
+        """Add node blocks B with p'H p <= p'B p, H the projected Hessian of the last `linearise` (elastic terms)."""
+        for _ in range(self.sample_nodes):
+            self.add_block_diagonal(body, blocks)
 
     def write_band(self, body: GridArrays, band: wp.array) -> None:
         """Write the projected Hessian as the band of each strand [N/m], free nodes only (elastic terms of curves).
@@ -177,6 +207,12 @@ class Force:
 
     def finish(self, body: BodyArrays) -> None:
         """The step is accepted: store what the next one starts from (friction anchors)."""
+
+    def keep(self, body: BodyArrays) -> None:
+        """Keep what earlier steps have stored for `restore`: explicit steps are judged many at a time."""
+
+    def restore(self, body: BodyArrays) -> None:
+        """Go back to what `keep` has kept."""
 
     def reset(self) -> None:
         """Forget what earlier steps have stored, as at the start of a run."""

@@ -1,5 +1,6 @@
 """The elastic energy of a solid (design 1.3)."""
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from warpdeform.kernels import solid as kernels
 from warpdeform.kernels.solid_blocks import solid_blocks
 from warpdeform.kernels.solid_gather import FLUX_COMPONENTS, solid_gather
 from warpdeform.kernels.solid_levels import solid_levels
+from warpdeform.kernels.solid_mean import solid_mean
 from warpdeform.launching import Buffer, RowStruct, Whole, launch_lanes
 from warpdeform.material import Material
 
@@ -88,6 +90,10 @@ class SolidElasticity(Force):
         self.gathering = self._gather.gathering
         stride: wp.array = wp.array([layout.stride], dtype=wp.int32, device=device)
         self.fluxes = RowStruct(self.gathering.Fluxes, {"flux": self.flux, "stride": stride}, frozenset({"flux"}))
+        # The tensions that a gradient does without are a sixth of what its cells write.
+        self.force_gathering = self.gathering
+        self.force_fluxes = RowStruct(self.gathering.Fluxes, {"flux": self.flux, "stride": stride}, frozenset({"flux"}))
+        self.quadratic = not self.barrier
         self.measure(upload(rest), self.q0)
         self._halo.refresh(self.q0)
 
@@ -134,13 +140,33 @@ class SolidElasticity(Force):
 
     def linearise(self, body: GridArrays, position: wp.array) -> None:
         """Stresses, and the coefficients of the Hessian at `position`."""
+        self._linearise(position, self.q0, self.flux)
+        self._position = position
+
+    def linearise_mean(self, body: BodyArrays, position: wp.array, start: wp.array) -> None:
+        """Stresses of the mean strains of a step from `start` with its middle at `position` (without the barrier)."""
+        self._halo.refresh(position, start)
+        shift = solid_mean(self._layout.lane_width, self._real).shift_rest
+        self._launch(shift, self._layout.stride, position, start, self.q0, self._mean_rest)
+        self._halo.refresh(self._mean_rest)
+        self._linearise(position, self._mean_rest, self.flux)
+        self._position = position
+
+    @cached_property
+    def _mean_rest(self) -> wp.array:
+        return wp.zeros_like(self.q0)
+
+    def write_force(self, body: BodyArrays, position: wp.array) -> None:
+        """Write the flux of the force, and the tensions that go with it."""
+        self._linearise(position, self.q0, Buffer(self.flux))
+
+    def _linearise(self, position: wp.array, q0: wp.array, flux: wp.array | Buffer) -> None:
         self._halo.refresh(position)
         self._launch(
-            self._words.stress_cells, self._layout.stride, position, self.q0, *self._law, self.volume,
-            self.tension, self.hardness, self.flux,
+            self._words.stress_cells, self._layout.stride, position, q0, *self._law, self.volume,
+            self.tension, self.hardness, flux,
         )  # fmt: skip
         self._halo.refresh(self.flux)
-        self._position = position
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
         """Add the elastic energy [J]; infinite where there is a barrier and a cell is flat or inside out."""

@@ -52,6 +52,7 @@ class Springs(Force):
         ]
         self._moving = any(spec.track is not None and not spec.track.static for spec in self._specs)
         self._moving |= any(spec.until is not None for spec in self._specs)
+        self.most_steps = 8 if self._moving else self.most_steps
         self._count = len(nodes)
         self.places: wp.array = wp.array(body.layout.places(nodes), dtype=int, device=body.device)
         self._strengths = Parameters(self.strengths(0.0), body.real, body.device)

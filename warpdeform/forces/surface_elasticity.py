@@ -1,6 +1,7 @@
 """The elastic energy of a surface: membrane, and bending where the material has it (design 1.3)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,12 +20,19 @@ from warpdeform.halo import Halo
 from warpdeform.kernels import surface as kernels
 from warpdeform.kernels.surface_blocks import surface_blocks
 from warpdeform.kernels.surface_coupling import CHANGE_COMPONENTS, COUPLING_KERNELS, surface_coupling
+from warpdeform.kernels.surface_force import surface_force
 from warpdeform.kernels.surface_levels import surface_levels
+from warpdeform.kernels.surface_majorant import surface_majorant
+from warpdeform.kernels.surface_mean import surface_mean
 from warpdeform.launching import Buffer, RowStruct, Whole, launch_lanes
 from warpdeform.material import Material
 from warpdeform.team import Team
 
 Array = NDArray[np.float64]
+
+
+GROWING_STEPS = 8
+"""Explicit steps from one look at a rest shape that grows to the next."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +128,11 @@ class SurfaceElasticity(Force):
         # Coupled moments reach one row farther than a band does.
         buffers = frozenset() if self.coupled else frozenset({"flux", "scatter"})
         self.fluxes = RowStruct(self._words.gathering.Fluxes, gathered, buffers)
+        capped = any(layout.poles)
+        self.quadratic = not (self.bending or capped)
+        if not (self.coupled or capped):
+            self.force_gathering = self.gathering
+            self.force_fluxes = RowStruct(self.gathering.Fluxes, gathered, frozenset(gathered))
         alpha_u, alpha_v = difference_weights(layout)
         self.alpha_u: wp.array = wp.array(alpha_u, dtype=real, device=device)
         self.alpha_v: wp.array = wp.array(alpha_v, dtype=real, device=device)
@@ -133,7 +146,7 @@ class SurfaceElasticity(Force):
         # Behind a pole the tangents, and with them Gamma^1 and Gamma^2, point the other way; i + 1 stands for i - 1.
         self._flexure_turning = self.halo.turning(range(kernels.FLEXURE_COMPONENTS), [1, 1, 1, -1, -1, -1, -1])
         self._scatter_turning = self.halo.turning([1, 0, 3, 2], [1, 1, 1, 1])
-        self.cap = PoleCap(layout, self.stiffness.strips, real, device) if any(layout.poles) else None
+        self.cap = PoleCap(layout, self.stiffness.strips, real, device) if capped else None
         position = upload(rest)
         self.measure(position, self.q0, self.b0)
         if self.cap is not None:
@@ -146,6 +159,7 @@ class SurfaceElasticity(Force):
             if not isinstance(growth, GrowthOnGrid):
                 growth = GrowthOnGrid.of(growth, grid, real, device)
             self.growth, normalised = growth, not isinstance(here.cells, PaperWeights)
+            self.most_steps = GROWING_STEPS
             self._regrown = SurfaceGrowth(self, growth, rest, grid, normalised)
             self._regrow()
 
@@ -223,10 +237,24 @@ class SurfaceElasticity(Force):
 
     def linearise(self, body: GridArrays, position: wp.array) -> None:
         """Stresses, moments and the coefficients of the Hessian at `position`."""
+        self._linearise(position, self.q0)
+
+    def linearise_mean(self, body: BodyArrays, position: wp.array, start: wp.array) -> None:
+        """Stresses of the mean strains of a step from `start` with its middle at `position` (membranes)."""
+        self.halo.refresh(position, start)
+        shift = surface_mean(self._lane_width, self.real).shift_rest
+        self._launch(shift, position, start, self.q0, self._mean_rest)
+        self._linearise(position, self._mean_rest)
+
+    @cached_property
+    def _mean_rest(self) -> wp.array:
+        return wp.zeros_like(self.q0)
+
+    def _linearise(self, position: wp.array, q0: wp.array) -> None:
         k = self._words
         self.halo.refresh(position)
         self._launch(
-            k.stress_cells, position, self.K, self.q0, self.K12, self.b0, self._cell_floor,
+            k.stress_cells, position, self.K, q0, self.K12, self.b0, self._cell_floor,
             self.tension, self.twist, self.flux,
         )  # fmt: skip
         if self.bending:
@@ -286,6 +314,21 @@ class SurfaceElasticity(Force):
         self._launch(self._words.gather, self.fluxes, gradient)
         self.halo.clear(gradient)
 
+    def write_force(self, body: BodyArrays, position: wp.array) -> None:
+        """Write flux, normals and scatter of the force."""
+        k = surface_force(self._lane_width, self.real, self.stiffness.orthogonal, self.bending)
+        self.halo.refresh(position)
+        self._launch(
+            k.force_cells, position, self.K, self.q0, self.K12, self.b0, self._cell_floor, Buffer(self.flux)
+        )  # fmt: skip
+        if self.bending:
+            self._launch(
+                k.force_nodes, position, self.KB, self.b0, self.alpha_u, self.alpha_v, self._node_floor,
+                Buffer(self.flexure), Buffer(self.scatter),
+            )  # fmt: skip
+            self.halo.refresh_turned(self.flexure, self._flexure_turning)
+        self._refresh_stresses()
+
     def write_fluxes(self, body: GridArrays, direction: wp.array) -> None:
         """Write flux and scatter of the projected Hessian times `direction`."""
         k = self._words
@@ -324,3 +367,14 @@ class SurfaceElasticity(Force):
         self.halo.clear(blocks)
         if self.cap is not None:
             self.cap.add_block_diagonal(self._position, blocks)
+
+    def add_majorant(self, body: BodyArrays, blocks: wp.array) -> None:
+        """Add bounds of cells and bending samples; on coupled charts and poles as many blocks as a sample has nodes."""
+        if self.coupled or self.cap is not None:
+            super().add_majorant(body, blocks)
+            return
+        k = surface_majorant(self._lane_width, self.real, self.stiffness.orthogonal, self.bending)
+        self._launch(k.bound_cells, self._position, self.K, self.tension, self.K12, self.twist, self.flux)
+        self.halo.refresh(self.flux)
+        self._launch(k.bound_nodes, self.flux, self._KB, self.alpha_u, self.alpha_v, self.flexure, blocks)
+        self.halo.clear(blocks)

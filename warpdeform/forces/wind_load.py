@@ -62,6 +62,7 @@ class WindLoad(Force):
         self.facing: wp.array = wp.zeros((components, layout.rows, layout.columns), dtype=real, device=device)
         self._kernels = wind(body.lane_width, real, kind)
         self._gusting = air.gusting
+        self.most_steps = 8 if self._gusting or callable(air.velocity) else self.most_steps
         self._kind = kind
         self._face = facing(body.lane_width, real, kind, self._gusting).face
         self._waves = air.waves() if self._gusting else None

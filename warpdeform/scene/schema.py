@@ -45,8 +45,14 @@ class SceneTable(Table):
 class SolverTable(Table):
     """[solver]: how it is solved; see `warpdeform.settings.Settings`."""
 
-    integrator: str = key(Settings.integrator, "Time integrator", example="bdf2")
+    integrator: str = key(Settings.integrator, "Time integrator, told in docs/accuracy.md", example="tr-bdf2")
     substeps: int = key(Settings.substeps, "Steps per frame; dt = 1 / (fps * substeps)", example=1)
+    time_step: str = key(
+        Settings.time_step, "fixed, auto (as many more as explicit methods need), or adaptive", example="adaptive"
+    )
+    time_tolerance: float = key(
+        Settings.time_tolerance, "Largest error of a step that is adaptive", unit="m", example=1e-4
+    )
     newton_iterations: int = key(
         Settings.newton_iterations, "Newton iterations per step; 0 = to newton_tolerance", example=1
     )
