@@ -287,7 +287,8 @@ def contact(real: Any) -> SimpleNamespace:
         most = zero
         for k in range(BLOCK):
             for c in range(3):
-                most = wp.max(most, wp.abs(points[c, b, k] - listed[c, b, k]))
+                way = wp.abs(points[c, b, k] - listed[c, b, k])
+                most = wp.where(way <= real(FAR), wp.max(most, way), real(FAR))  # also of what is not finite
         wp.atomic_max(move_out, 0, most)
 
     @wp.kernel(module=module)

@@ -18,6 +18,7 @@ from warpdeform.kernels.contact_guard import kept_separation
 from warpdeform.kernels.contact_law import contact_law
 from warpdeform.kernels.contact_lists import LENGTH, Pair
 from warpdeform.kernels.lanes import kernel_module, lanes
+from warpdeform.kernels.newton import BLOCKED, OUTCOME
 
 TARGET = 0.7
 """Share of its room that impulses let a pair lose: less than is a risk, as a margin for what they do to each other."""
@@ -227,6 +228,21 @@ def contact_impulses(real: Any) -> SimpleNamespace:
             state_out[UPDATES] = state_out[UPDATES] + 1
 
     @wp.kernel(module=module)
+    def hold_pinned(
+        halo: int,
+        slots: wp.array2d(dtype=wp.int32),
+        free: wp.array3d(dtype=real),
+        unpinned: wp.array(dtype=real),
+        inverse_masses_out: wp.array(dtype=real),
+    ):
+        """Pins may let go: inverse masses are those of the step."""
+        row, column = wp.tid()
+        i, j = row + 1, column + halo
+        s = slots[i, j]
+        if s >= 0:
+            inverse_masses_out[s] = free[0, i, j] * unpinned[s]
+
+    @wp.kernel(module=module)
     def note_stirred(
         tables: Tables,
         starts: wp.array(dtype=wp.int32),
@@ -342,6 +358,12 @@ def contact_impulses(real: Any) -> SimpleNamespace:
             away = words.load3(position, 0, i, j) - words.load3(target, 0, i, j)
             wp.atomic_max(lag_out, 0, wp.length(away))
 
+    @wp.kernel(module=module)
+    def judge_lag(most: real, lag: wp.array(dtype=real), step_out: wp.array(dtype=wp.int32)):
+        """A step whose pins are farther behind than that does not count."""
+        if lag[0] > most:
+            step_out[OUTCOME] = BLOCKED
+
     return SimpleNamespace(
         module=module,
         Wall=Wall,
@@ -353,6 +375,7 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         give_impulses=give_impulses,
         return_directions=return_directions,
         begin_guard=begin_guard,
+        hold_pinned=hold_pinned,
         note_stirred=note_stirred,
         begin_round=begin_round,
         judge_round=judge_round,
@@ -363,4 +386,5 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         find_way=find_way,
         go_way=go_way,
         measure_lag=measure_lag,
+        judge_lag=judge_lag,
     )

@@ -4,7 +4,8 @@ A kernel body works on *lane groups*: ``width`` neighbouring nodes of a row, one
 On CUDA the width is 1 and a lane group is a plain scalar or vec3; on the CPU it is 16 (float32) or 8 (float64) and a
 group is a small matrix, on which LLVM vectorises every word below. The same kernel source serves both.
 
-Names: ``L`` one real per lane, ``V`` a 3-vector per lane, ``S`` a symmetric 3 x 3 block per lane, stored as
+Names: ``read`` loads into float64 whatever the precision of the array is, ``write`` stores what was computed so; ``L``
+is one real per lane, ``V`` a 3-vector per lane, ``S`` a symmetric 3 x 3 block per lane, stored as
 (xx, yy, zz, xy, xz, yz). Arrays are component arrays ``[component, row, column]`` with a halo of one row and
 ``halo`` columns on every side, so that no kernel has a border test (2-solver design, kernels over lanes).
 """
@@ -17,8 +18,9 @@ from typing import Any
 import warp as wp
 
 WORDS = frozenset(
-    "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 splat mul div root at_least sum_lanes max_lanes "
-    "dot3 cross3 scale scale6 vector outer symmetric isotropic apply6 inverse6".split()
+    "L V S load1 load3 load6 pick1 pick3 store1 store3 store6 read1 read3 read6 write3 splat mul div root at_least "
+    "larger exceeds above sum_lanes max_lanes dot3 cross3 normal3 scale scale6 vector outer symmetric isotropic apply6 "
+    "inverse6".split()
 )
 NATIVE = {wp.float32: "float", wp.float64: "double"}
 
@@ -87,6 +89,7 @@ def _scalar_words(real: Any) -> SimpleNamespace:
     L = real
     V = wp.types.vector(3, real)
     S = wp.types.vector(6, real)
+    D, D6 = wp.types.vector(3, wp.float64), wp.types.vector(6, wp.float64)
 
     @wp.func
     def load1(a: wp.array3d(dtype=real), c: int, i: int, j: int):
@@ -126,6 +129,27 @@ def _scalar_words(real: Any) -> SimpleNamespace:
             a[c + k, i, j] = s[k]
 
     @wp.func
+    def read1(a: wp.array3d(dtype=real), c: int, i: int, j: int):
+        return wp.float64(a[c, i, j])
+
+    @wp.func
+    def read3(a: wp.array3d(dtype=real), c: int, i: int, j: int):
+        return D(wp.float64(a[c, i, j]), wp.float64(a[c + 1, i, j]), wp.float64(a[c + 2, i, j]))
+
+    @wp.func
+    def read6(a: wp.array3d(dtype=real), c: int, i: int, j: int):
+        return D6(
+            wp.float64(a[c, i, j]), wp.float64(a[c + 1, i, j]), wp.float64(a[c + 2, i, j]),
+            wp.float64(a[c + 3, i, j]), wp.float64(a[c + 4, i, j]), wp.float64(a[c + 5, i, j]),
+        )  # fmt: skip
+
+    @wp.func
+    def write3(a: wp.array3d(dtype=real), c: int, i: int, j: int, v: D):
+        a[c, i, j] = real(v[0])
+        a[c + 1, i, j] = real(v[1])
+        a[c + 2, i, j] = real(v[2])
+
+    @wp.func
     def splat(x: real):
         return x
 
@@ -146,6 +170,20 @@ def _scalar_words(real: Any) -> SimpleNamespace:
         return wp.max(a, floor)
 
     @wp.func
+    def larger(a: real, b: real):
+        return wp.max(a, b)
+
+    @wp.func
+    def exceeds(a: real, limit: real):
+        """1 where a is greater than the limit, 0 elsewhere."""
+        return wp.where(a > limit, real(1.0), real(0.0))
+
+    @wp.func
+    def above(a: real, floor: real, x: real, y: real):
+        """x where a is above the floor, else y, also where a is not a number."""
+        return wp.where(a > floor, x, y)
+
+    @wp.func
     def sum_lanes(a: real):
         return wp.float64(a)
 
@@ -160,6 +198,13 @@ def _scalar_words(real: Any) -> SimpleNamespace:
     @wp.func
     def cross3(a: V, b: V):
         return V(a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+    @wp.func
+    def normal3(t: V):
+        """A unit vector normal to the unit vector t (Duff et al., Building an Orthonormal Basis, Revisited, 2017)."""
+        sign = wp.where(t[2] < real(0.0), real(-1.0), real(1.0))
+        f = real(-1.0) / (sign + t[2])
+        return V(real(1.0) + sign * t[0] * t[0] * f, sign * t[0] * t[1] * f, -sign * t[0])
 
     @wp.func
     def scale(s: real, a: V):
@@ -258,6 +303,21 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
         start = f"const {rn}* row = &wp::index(a, c0 + {k}, i, 0); const int* column = &wp::index(columns, t, j);"
         return f"{{ {start} {each} r.{member}[k] = row[column[k]]; }} "
 
+    dv = f"double __attribute__((vector_size({8 * width}), aligned(8), may_alias))"
+
+    def as_double(target: str, lanes_of: str) -> str:
+        """Code that converts a vector of lanes into double precision, in memory."""
+        return f"{{ typedef {dv} dv; *(dv*)&{target} = __builtin_convertvector({lanes_of}, dv); }} "
+
+    def read_rows(n: int) -> str:
+        """Code that loads n components as doubles."""
+        rows = "".join(as_double(f"r.data[{k}][0]", place(k)) for k in range(n))
+        return f"{lane_vector}wp::mat_t<{n}, {width}, double> r; {rows}return r;"
+
+    def as_real(source: str) -> str:
+        """The lanes of a vector of doubles in memory as an expression."""
+        return f"__builtin_convertvector(*(dv*)&{source}, lv)"
+
     def products(k: int, m: int) -> str:
         return f"{row('a', k)} * {row('b', m)}"
 
@@ -289,6 +349,20 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
     @wp.func_native(store(6))
     def store6(a: wp.array3d(dtype=real), c0: int, i: int, j: int, v: S): ...
 
+    @wp.func_native(f"{lane_vector}wp::vec_t<{width}, double> r; {as_double('r.c[0]', place(0))}return r;")
+    def read1(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> wp.types.vector(width, wp.float64): ...
+
+    @wp.func_native(read_rows(3))
+    def read3(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> wp.types.matrix((3, width), wp.float64): ...
+
+    @wp.func_native(read_rows(6))
+    def read6(a: wp.array3d(dtype=real), c0: int, i: int, j: int) -> wp.types.matrix((6, width), wp.float64): ...
+
+    @wp.func_native(
+        f"{lane_vector}typedef {dv} dv; " + "".join(f"{place(k)} = {as_real(f'v.data[{k}][0]')}; " for k in range(3))
+    )
+    def write3(a: wp.array3d(dtype=real), c0: int, i: int, j: int, v: wp.types.matrix((3, width), wp.float64)): ...
+
     @wp.func_native(lane_by_lane("x"))
     def splat(x: real) -> L: ...
 
@@ -303,6 +377,15 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
 
     @wp.func_native(lane_by_lane("a.c[k] > floor ? a.c[k] : floor"))
     def at_least(a: L, floor: real) -> L: ...
+
+    @wp.func_native(lane_by_lane("a.c[k] > b.c[k] ? a.c[k] : b.c[k]"))
+    def larger(a: L, b: L) -> L: ...
+
+    @wp.func_native(lane_by_lane(f"a.c[k] > limit ? ({rn})1 : ({rn})0"))
+    def exceeds(a: L, limit: real) -> L: ...
+
+    @wp.func_native(lane_by_lane("a.c[k] > floor ? x.c[k] : y.c[k]"))
+    def above(a: L, floor: real, x: L, y: L) -> L: ...
 
     # Pair by pair, always the same pairs: one after another the additions would wait for each other.
     @wp.func_native(
@@ -321,6 +404,14 @@ def _wide_words(width: int, real: Any) -> SimpleNamespace:
 
     @wp.func_native(rows(mat3, *(f"{products(k, m)} - {products(m, k)}" for k, m in ((1, 2), (2, 0), (0, 1)))))
     def cross3(a: V, b: V) -> V: ...
+
+    @wp.func_native(
+        f"{mat3} n; {each} {{ const {rn} x = t.data[0][k], y = t.data[1][k], z = t.data[2][k];"
+        f" const {rn} sign = z < ({rn})0 ? ({rn})-1 : ({rn})1; const {rn} f = ({rn})-1 / (sign + z);"
+        f" n.data[0][k] = ({rn})1 + sign * x * x * f; n.data[1][k] = sign * x * y * f; n.data[2][k] = -sign * x; }}"
+        " return n;"
+    )
+    def normal3(t: V) -> V: ...
 
     @wp.func_native(rows(mat3, *(f"{one('s')} * {row('a', k)}" for k in range(3))))
     def scale(s: L, a: V) -> V: ...

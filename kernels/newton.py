@@ -1,18 +1,12 @@
-"""One implicit step: its stage vectors, the safe start, the line search and the decisions between Newton iterations.
-
-The stage problem M (z - y)/tau^2 + grad E(z) - f = 0 is the same for every implicit method (design 6.1); a method is
-the weights that make w, y and the start z out of the history,
-
-    stage vector = x + weights[0] (x - x_before) + weights[1] v + weights[2] v_before
-"""
+"""The decisions of an implicit step: the safe start, the line search, Newton's stop test, whether the step counts."""
 
 import functools
 from types import SimpleNamespace
-from typing import Any
 
 import warp as wp
 
-from warpdeform.kernels.lanes import kernel_module, lanes
+from warpdeform.kernels.krylov import RZ
+from warpdeform.kernels.lanes import kernel_module
 
 # Entries of the float64 scalars of a step; potentials and slopes are followed by the sum of their terms' magnitudes.
 PHI_STILL = wp.constant(0)
@@ -23,7 +17,15 @@ LENGTH = wp.constant(8)
 UPDATE = wp.constant(9)
 RESIDUAL = wp.constant(10)
 WORK = wp.constant(11)
-STEP_SCALARS = 13
+TOTAL_WORK = wp.constant(13)
+"""Of all stages."""
+ERROR = wp.constant(14)
+"""Largest error of a position in the step, by the method's own estimate [m]."""
+UNSOLVED = wp.constant(15)
+"""sqrt(r.z) that the last linear solve has left."""
+SPEED = wp.constant(16)
+"""Of the fastest node at the end of the step [m/s], where nothing but a limit keeps it from running away."""
+STEP_SCALARS = 17
 
 # Entries of the int32 state of a step.
 NEWTON_ACTIVE = wp.constant(0)
@@ -34,7 +36,12 @@ CG_TOTAL = wp.constant(4)
 CG_BREAKDOWNS = wp.constant(5)
 CG_CAPPED = wp.constant(6)
 OUTCOME = wp.constant(7)
-STEP_STATE = 8
+NEWTON_TOTAL = wp.constant(8)
+"""Newton iterations of all stages."""
+BROKE = wp.constant(9)
+"""Whether the last linear solve broke down."""
+ACCEPTED = wp.constant(10)
+STEP_STATE = 11
 
 # Values of the outcome entry; warpdeform.result.Outcome gives them their sentences.
 RUNNING = wp.constant(0)
@@ -44,11 +51,19 @@ FIXED = wp.constant(3)
 CAPPED = wp.constant(4)
 NOT_FINITE = wp.constant(5)
 STALLED = wp.constant(6)
+BROKEN = wp.constant(7)
+INACCURATE = wp.constant(8)
+RUNAWAY = wp.constant(9)
+BLOCKED = wp.constant(10)
 
 # Entries of the float64 control parameters.
 ULP = wp.constant(0)
 UPDATE_TOLERANCE = wp.constant(1)
-CONTROL_REALS = 2
+TIME_TOLERANCE = wp.constant(2)
+"""Largest error of a step that counts [m]."""
+MOST_SPEED = wp.constant(3)
+"""Speed of a node beyond which nobody believes a step [m/s]."""
+CONTROL_REALS = 4
 # Entries of the int32 control parameters.
 NEWTON_CAP = wp.constant(0)
 TO_TOLERANCE = wp.constant(1)
@@ -57,157 +72,6 @@ CONTROL_INTS = 3
 
 ARMIJO = wp.constant(wp.float64(1.0e-4))
 MOST_HALVINGS = wp.constant(20)
-
-
-@functools.cache
-def stage(width: int, real: Any) -> SimpleNamespace:
-    """Lane kernels that make and finish a stage, for one lane width and precision."""
-    words = lanes(width, real)
-    load1, load3, store3 = words.load1, words.load3, words.store3
-    scale, dot3, splat, sum_lanes = words.scale, words.dot3, words.splat, words.sum_lanes
-    module = kernel_module("stage", width, real)
-
-    @wp.kernel(module=module)
-    def combine(
-        weights: wp.array2d(dtype=real),
-        row: int,
-        x: wp.array3d(dtype=real),
-        x_before: wp.array3d(dtype=real),
-        v: wp.array3d(dtype=real),
-        v_before: wp.array3d(dtype=real),
-        a_out: wp.array3d(dtype=real),
-    ):
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        r = load3(x, 0, i, j)
-        change = scale(splat(weights[row, 0]), r - load3(x_before, 0, i, j))
-        change = change + scale(splat(weights[row, 1]), load3(v, 0, i, j))
-        change = change + scale(splat(weights[row, 2]), load3(v_before, 0, i, j))
-        store3(a_out, 0, i, j, r + change)
-
-    @wp.kernel(module=module)
-    def place_pins(free: wp.array3d(dtype=real), target: wp.array3d(dtype=real), a_out: wp.array3d(dtype=real)):
-        """Pinned nodes to their targets, to the last bit; the others stay."""
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        f = load1(free, 0, i, j)
-        held = splat(real(1.0)) - f
-        store3(a_out, 0, i, j, scale(f, load3(a_out, 0, i, j)) + scale(held, load3(target, 0, i, j)))
-
-    @wp.kernel(module=module)
-    def difference(a: wp.array3d(dtype=real), b: wp.array3d(dtype=real), c_out: wp.array3d(dtype=real)):
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        store3(c_out, 0, i, j, load3(a, 0, i, j) - load3(b, 0, i, j))
-
-    @wp.kernel(module=module)
-    def displace(
-        scalars: wp.array(dtype=wp.float64),
-        a: wp.array3d(dtype=real),
-        d: wp.array3d(dtype=real),
-        b_out: wp.array3d(dtype=real),
-    ):
-        """b = a + length d."""
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        length = splat(real(scalars[LENGTH]))
-        store3(b_out, 0, i, j, load3(a, 0, i, j) + scale(length, load3(d, 0, i, j)))
-
-    @wp.kernel(module=module)
-    def clear_partials(partials_out: wp.array2d(dtype=wp.float64)):
-        ii, group = wp.tid()
-        for k in range(width):
-            partials_out[ii + 1, (group + 1) * width + k] = wp.float64(0.0)
-
-    @wp.kernel(module=module)
-    def add_inertial_energy(
-        mass: wp.array3d(dtype=real),
-        inertia: wp.array(dtype=real),
-        z: wp.array3d(dtype=real),
-        y: wp.array3d(dtype=real),
-        partials_out: wp.array2d(dtype=wp.float64),
-    ):
-        """|z - y|_M^2 / (2 tau^2); overwrites the lane group's entry, so it comes first."""
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        d = load3(z, 0, i, j) - load3(y, 0, i, j)
-        energy = dot3(d, scale(inertia[0] * load1(mass, 0, i, j), d))
-        partials_out[i, j] = wp.float64(0.5) * sum_lanes(energy)
-
-    @wp.kernel(module=module)
-    def inertial_gradient(
-        mass: wp.array3d(dtype=real),
-        inertia: wp.array(dtype=real),
-        z: wp.array3d(dtype=real),
-        y: wp.array3d(dtype=real),
-        gradient_out: wp.array3d(dtype=real),
-    ):
-        """g = g + M (z - y) / tau^2."""
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        d = load3(z, 0, i, j) - load3(y, 0, i, j)
-        store3(gradient_out, 0, i, j, load3(gradient_out, 0, i, j) + scale(inertia[0] * load1(mass, 0, i, j), d))
-
-    @wp.kernel(module=module)
-    def work_of_loads(
-        g: wp.array3d(dtype=real),
-        z: wp.array3d(dtype=real),
-        x: wp.array3d(dtype=real),
-        partials_out: wp.array2d(dtype=wp.float64),
-    ):
-        """Work that forces -g do over the step."""
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        d = load3(x, 0, i, j) - load3(z, 0, i, j)
-        partials_out[i, j] = partials_out[i, j] + sum_lanes(dot3(load3(g, 0, i, j), d))
-
-    @wp.kernel(module=module)
-    def work_of_pins(
-        free: wp.array3d(dtype=real),
-        g: wp.array3d(dtype=real),
-        z: wp.array3d(dtype=real),
-        x: wp.array3d(dtype=real),
-        partials_out: wp.array2d(dtype=wp.float64),
-    ):
-        """Work that the pins do over the step: their reaction is the unbalanced gradient g."""
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        held = splat(real(1.0)) - load1(free, 0, i, j)
-        d = load3(z, 0, i, j) - load3(x, 0, i, j)
-        partials_out[i, j] = partials_out[i, j] + sum_lanes(dot3(scale(held, load3(g, 0, i, j)), d))
-
-    @wp.kernel(module=module)
-    def accept(
-        rate: wp.array(dtype=real),
-        z: wp.array3d(dtype=real),
-        w: wp.array3d(dtype=real),
-        x_out: wp.array3d(dtype=real),
-        v_out: wp.array3d(dtype=real),
-        x_before_out: wp.array3d(dtype=real),
-        v_before_out: wp.array3d(dtype=real),
-    ):
-        """The step is done: v = (z - w)/tau, x = z, and the history moves on."""
-        ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
-        store3(x_before_out, 0, i, j, load3(x_out, 0, i, j))
-        store3(v_before_out, 0, i, j, load3(v_out, 0, i, j))
-        r = load3(z, 0, i, j)
-        store3(x_out, 0, i, j, r)
-        store3(v_out, 0, i, j, scale(splat(rate[0]), r - load3(w, 0, i, j)))
-
-    return SimpleNamespace(
-        module=module,
-        combine=combine,
-        place_pins=place_pins,
-        difference=difference,
-        displace=displace,
-        clear_partials=clear_partials,
-        add_inertial_energy=add_inertial_energy,
-        inertial_gradient=inertial_gradient,
-        work_of_loads=work_of_loads,
-        work_of_pins=work_of_pins,
-        accept=accept,
-    )
 
 
 # What of the processor's floating-point control word makes it treat denormal numbers as zero.
@@ -257,11 +121,66 @@ def decisions() -> SimpleNamespace:
         impact_out: wp.array(dtype=wp.int32),
     ):
         scalars_out[LENGTH] = wp.float64(1.0)
+        scalars_out[TOTAL_WORK] = wp.float64(0.0)
         for k in range(state_out.shape[0]):
             state_out[k] = 0
         state_out[NEWTON_ACTIVE] = 1
         iteration_out[0] = 0
         impact_out[0] = 0
+
+    @wp.func
+    def is_good(outcome: int):
+        return outcome == CONVERGED or outcome == ROUND_OFF or outcome == FIXED
+
+    @wp.kernel(module=module)
+    def begin_stage(
+        scalars_out: wp.array(dtype=wp.float64),
+        state_out: wp.array(dtype=wp.int32),
+        iteration_out: wp.array(dtype=wp.int32),
+    ):
+        """A further stage of the step; if the one before it has failed there is nothing to do."""
+        scalars_out[LENGTH] = wp.float64(1.0)
+        state_out[NEWTON_ACTIVE] = wp.where(is_good(state_out[OUTCOME]), 1, 0)
+        state_out[NEWTON_ITERATIONS] = 0
+        iteration_out[0] = 0
+
+    @wp.kernel(module=module)
+    def end_stage(share: wp.float64, scalars_out: wp.array(dtype=wp.float64)):
+        scalars_out[TOTAL_WORK] = scalars_out[TOTAL_WORK] + share * scalars_out[WORK]
+
+    @wp.kernel(module=module)
+    def judge_step(
+        control: wp.array(dtype=wp.float64),
+        scalars: wp.array(dtype=wp.float64),
+        state_out: wp.array(dtype=wp.int32),
+    ):
+        """The step counts if all of its stages ended well, and as precisely as is asked for."""
+        if not wp.isfinite(scalars[RESIDUAL]) or not wp.isfinite(scalars[ERROR]):
+            state_out[OUTCOME] = NOT_FINITE
+        elif is_good(state_out[OUTCOME]) and scalars[ERROR] > control[TIME_TOLERANCE]:
+            state_out[OUTCOME] = INACCURATE
+        elif is_good(state_out[OUTCOME]) and scalars[SPEED] > control[MOST_SPEED]:
+            state_out[OUTCOME] = RUNAWAY
+        state_out[ACCEPTED] = wp.where(is_good(state_out[OUTCOME]), 1, 0)
+
+    @wp.kernel(module=module)
+    def judge_solve(
+        cg_state: wp.array(dtype=wp.int32),
+        cg_cap: wp.array(dtype=wp.int32),
+        control: wp.array(dtype=wp.float64),
+        scalars: wp.array(dtype=wp.float64),
+        state_out: wp.array(dtype=wp.int32),
+    ):
+        """A step that is one linear solve counts if that has not broken down, and left speeds that one can believe."""
+        state_out[CG_TOTAL] = cg_state[1]
+        state_out[CG_BREAKDOWNS] = cg_state[2]
+        state_out[CG_CAPPED] = wp.where(cg_state[1] >= cg_cap[0], 1, 0)
+        state_out[OUTCOME] = wp.where(cg_state[2] == 1, BROKEN, FIXED)
+        if not wp.isfinite(scalars[SPEED]):
+            state_out[OUTCOME] = NOT_FINITE
+        elif is_good(state_out[OUTCOME]) and scalars[SPEED] > control[MOST_SPEED]:
+            state_out[OUTCOME] = RUNAWAY
+        state_out[ACCEPTED] = wp.where(is_good(state_out[OUTCOME]), 1, 0)
 
     @wp.kernel(module=module)
     def choose_start(limits: wp.array(dtype=wp.int32), scalars_out: wp.array(dtype=wp.float64)):
@@ -276,6 +195,7 @@ def decisions() -> SimpleNamespace:
 
     @wp.kernel(module=module)
     def begin_search(
+        cg_scalars: wp.array(dtype=wp.float64),
         cg_state: wp.array(dtype=wp.int32),
         cg_cap: wp.array(dtype=wp.int32),
         scalars_out: wp.array(dtype=wp.float64),
@@ -284,6 +204,8 @@ def decisions() -> SimpleNamespace:
         """Book the linear solve and start the line search at full length."""
         state_out[CG_TOTAL] = state_out[CG_TOTAL] + cg_state[1]
         state_out[CG_BREAKDOWNS] = state_out[CG_BREAKDOWNS] + cg_state[2]
+        state_out[BROKE] = cg_state[2]
+        scalars_out[UNSOLVED] = wp.sqrt(wp.max(cg_scalars[RZ], wp.float64(0.0)))
         if cg_state[1] >= cg_cap[0]:
             state_out[CG_CAPPED] = state_out[CG_CAPPED] + 1
         scalars_out[SLOPE] = wp.min(scalars_out[SLOPE], wp.float64(0.0))
@@ -317,8 +239,12 @@ def decisions() -> SimpleNamespace:
         state_out: wp.array(dtype=wp.int32),
         iteration_out: wp.array(dtype=wp.int32),
     ):
-        """Newton's stop test: largest update of a node, change of the potential, or the cap."""
+        """Newton's stop test: largest update of a node, change of the potential, or the cap.
+
+        A linear solve that breaks down on its way has still gone downhill; one that does at once has done nothing.
+        """
         state_out[NEWTON_ITERATIONS] = state_out[NEWTON_ITERATIONS] + 1
+        state_out[NEWTON_TOTAL] = state_out[NEWTON_TOTAL] + 1
         iteration_out[0] = state_out[NEWTON_ITERATIONS]
         outcome = RUNNING
         update = scalars_out[UPDATE] * scalars_out[LENGTH]
@@ -327,11 +253,14 @@ def decisions() -> SimpleNamespace:
             outcome = wp.where(limits[TO_TOLERANCE] == 1, CAPPED, FIXED)
         if limits[TO_TOLERANCE] == 1:
             if scalars_out[LENGTH] == wp.float64(0.0):
-                outcome = STALLED
+                # An update below the tolerance that does not lower the potential either is lost in its round-off.
+                outcome = wp.where(scalars_out[UPDATE] <= control[UPDATE_TOLERANCE], ROUND_OFF, STALLED)
             if -scalars_out[SLOPE] <= round_off:
                 outcome = ROUND_OFF
             if update <= control[UPDATE_TOLERANCE] and scalars_out[LENGTH] > wp.float64(0.0):
                 outcome = CONVERGED
+        if state_out[BROKE] == 1 and scalars_out[UPDATE] == wp.float64(0.0):
+            outcome = BROKEN
         if not wp.isfinite(scalars_out[UPDATE]) or not wp.isfinite(scalars_out[PHI]):
             outcome = NOT_FINITE
         state_out[OUTCOME] = outcome
@@ -342,6 +271,10 @@ def decisions() -> SimpleNamespace:
         enter_step=enter_step,
         leave_step=leave_step,
         begin_step=begin_step,
+        begin_stage=begin_stage,
+        end_stage=end_stage,
+        judge_step=judge_step,
+        judge_solve=judge_solve,
         choose_start=choose_start,
         begin_search=begin_search,
         judge_trial=judge_trial,

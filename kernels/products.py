@@ -7,8 +7,8 @@ around it, so that the product itself need not go through memory. S is M / tau^2
     smooth    r = r - A d;  d = keep d + rate D^-1 r;  z = z + d    a step of the smoother (linear/smoother.py)
     retire    r = r - A d, and with blocks d = F' r, which goes to the coarse grid (F = D^-1 E, kernels/multigrid.py)
 
-A is masked: r does not change at pins. The new d is not written over the old one, of which fluxes of other rows are
-still to be made.
+They begin at `first`, the first row of nodes, because gathering reads neighbours. A is masked: r does not change at
+pins. The new d is not written over the old one, of which fluxes of other rows are still to be made.
 """
 
 import functools
@@ -66,6 +66,7 @@ def products(width: int, real: Any, gathering: Gathering, with_blocks: bool) -> 
 
     @wp.kernel(module=module)
     def product(
+        first: int,
         fluxes: Fluxes,
         S: wp.array3d(dtype=real),
         inertia: wp.array(dtype=real),
@@ -73,11 +74,12 @@ def products(width: int, real: Any, gathering: Gathering, with_blocks: bool) -> 
         q_out: wp.array3d(dtype=real),
     ):
         ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
+        i, j = ii + first, (group + 1) * width
         store3(q_out, 0, i, j, product_at(fluxes, S, inertia, p, i, j))
 
     @wp.kernel(module=module)
     def smooth(
+        first: int,
         fluxes: Fluxes,
         S: wp.array3d(dtype=real),
         inertia: wp.array(dtype=real),
@@ -92,7 +94,7 @@ def products(width: int, real: Any, gathering: Gathering, with_blocks: bool) -> 
         z_out: wp.array3d(dtype=real),
     ):
         ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
+        i, j = ii + first, (group + 1) * width
         f, which = load1(free, 0, i, j), caution[BOUNDED] + 2 * caution[LONG]
         residual = load3(r_out, 0, i, j) - scale(f, product_at(fluxes, S, inertia, d, i, j))
         change = scale(rates[which, step, RATE] * f, apply6(load6(inverse, 0, i, j), residual))
@@ -103,6 +105,7 @@ def products(width: int, real: Any, gathering: Gathering, with_blocks: bool) -> 
 
     @wp.kernel(module=module)
     def retire(
+        first: int,
         fluxes: Fluxes,
         S: wp.array3d(dtype=real),
         inertia: wp.array(dtype=real),
@@ -114,7 +117,7 @@ def products(width: int, real: Any, gathering: Gathering, with_blocks: bool) -> 
         d_out: wp.array3d(dtype=real),
     ):
         ii, group = wp.tid()
-        i, j = ii + 1, (group + 1) * width
+        i, j = ii + first, (group + 1) * width
         q = scale(load1(free, 0, i, j), product_at(fluxes, S, inertia, d, i, j))
         r = load3(r_out, 0, i, j) - q
         store3(r_out, 0, i, j, r)

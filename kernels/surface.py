@@ -72,12 +72,14 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
     words, shape = lanes(width, real), geometry(width, real, orthogonal)
     load1, load3, store1, store3 = words.load1, words.load3, words.store1, words.store3
     add3, sum_lanes = words.add3, words.sum_lanes
-    dot3, scale, mul, at_least, splat = words.dot3, words.scale, words.mul, words.at_least, words.splat
-    diagonals, stress, strains = shape.diagonals, shape.stress, shape.strains
+    dot3, scale, mul = words.dot3, words.scale, words.mul
+    diagonals, stress, numbers = shape.diagonals, shape.stress, shape.numbers
+    strains, strain_changes = shape.strains, shape.strain_changes
+    cell_forces, store_tension, tensed = shape.cell_forces, shape.store_tension, shape.tensed
     unit_normal, christoffel = shape.unit_normal, shape.christoffel
     tangent_u, tangent_v, second_u, second_v = shape.tangent_u, shape.tangent_v, shape.second_u, shape.second_v
     flexed, store_scatter = shape.flexed, shape.store_scatter
-    zero, half, two = real(0.0), real(0.5), real(2.0)
+    two = real(2.0)
     module = kernel_module(f"surface_{variant_name(orthogonal, bending)}", width, real)
 
     @wp.kernel(module=module)
@@ -97,15 +99,8 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
         d, e, x = diagonals(r, i, j)
         s, t, c, u, v = strains(d, e, x, q0, i, j)
         ss, st, sc, su, sv = stress(K, i, j, s, t, c, u, v)
-        # dW by the mean squared length of the u-edges is ss + st, of the v-edges ss - st: their tensions.
-        pull_u, pull_v = half * at_least(ss + st, zero), half * at_least(ss - st, zero)
-        store1(tension_out, 0, i, j, (pull_u + pull_v) + at_least(sc, zero))
-        store1(tension_out, 1, i, j, (pull_u + pull_v) + at_least(splat(zero) - sc, zero))
-        store1(tension_out, 2, i, j, pull_u + pull_v)
-        store1(tension_out, 3, i, j, pull_u - pull_v)
-        fd = scale(ss + sc, d) + scale(st, e) + scale(su, x)
-        fe = scale(ss - sc, e) + scale(st, d) + scale(sv, x)
-        fx = scale(ss, x) + scale(su, d) + scale(sv, e)
+        store_tension(tension_out, i, j, ss, st, sc)
+        fd, fe, fx = cell_forces(d, e, x, ss, st, sc, su, sv)
         if wp.static(bending):
             n = unit_normal(e, d, floor)
             gamma_d, gamma_e = christoffel(d, e, x, floor)
@@ -134,22 +129,10 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
         i, j = ii + 1, (group + 1) * width
         d, e, x = diagonals(r, i, j)
         pd, pe, px = diagonals(p, i, j)
-        dd, ee = dot3(d, pd), dot3(e, pe)
-        ss, st, sc, su, sv = stress(
-            K, i, j,
-            (dd + ee) + dot3(x, px),
-            dot3(d, pe) + dot3(e, pd),
-            dd - ee,
-            dot3(d, px) + dot3(x, pd),
-            dot3(e, px) + dot3(x, pe),
-        )  # fmt: skip
-        tde = load1(tension, 3, i, j)
-        fd = scale(ss + sc, d) + scale(st, e) + scale(su, x)
-        fd = fd + scale(load1(tension, 0, i, j), pd) + scale(tde, pe)
-        fe = scale(ss - sc, e) + scale(st, d) + scale(sv, x)
-        fe = fe + scale(load1(tension, 1, i, j), pe) + scale(tde, pd)
-        fx = scale(ss, x) + scale(su, d) + scale(sv, e)
-        fx = fx + scale(load1(tension, 2, i, j), px)
+        s, t, c, u, v = strain_changes(d, e, x, pd, pe, px)
+        ss, st, sc, su, sv = stress(K, i, j, s, t, c, u, v)
+        fd, fe, fx = cell_forces(d, e, x, ss, st, sc, su, sv)
+        fd, fe, fx = tensed(tension, i, j, fd, fe, fx, pd, pe, px)
         if wp.static(bending):
             n, gamma_d, gamma_e = load3(twist, 0, i, j), load1(twist, 3, i, j), load1(twist, 4, i, j)
             db = dot3(n, px) - mul(gamma_d, dot3(n, pd)) - mul(gamma_e, dot3(n, pe))
@@ -290,12 +273,12 @@ def surface(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNam
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
         d, e, x = diagonals(r, i, j)
-        dd, ee, xx = dot3(d, d), dot3(e, e), dot3(x, x)
-        store1(q_out, 0, i, j, half * (dd + ee + xx))
-        store1(q_out, 1, i, j, dot3(d, e))
-        store1(q_out, 2, i, j, half * (dd - ee))
-        store1(q_out, 3, i, j, dot3(d, x))
-        store1(q_out, 4, i, j, dot3(e, x))
+        s, t, c, u, v = numbers(d, e, x)
+        store1(q_out, 0, i, j, s)
+        store1(q_out, 1, i, j, t)
+        store1(q_out, 2, i, j, c)
+        store1(q_out, 3, i, j, u)
+        store1(q_out, 4, i, j, v)
 
     @wp.kernel(module=module)
     def measure_bending(

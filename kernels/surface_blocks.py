@@ -19,24 +19,15 @@ from warpdeform.kernels.surface_geometry import geometry
 def surface_blocks(width: int, real: Any, orthogonal: bool, bending: bool) -> SimpleNamespace:
     """Kernels ``block_cells`` and ``block_nodes``; arguments as for :func:`warpdeform.kernels.surface.surface`."""
     words, shape = lanes(width, real), geometry(width, real, orthogonal)
-    L, V = words.L, words.V
+    L = words.L
     load1, load3, add6, along_u = words.load1, words.load3, words.add6, words.along_u
-    scale, scale6, mul, splat = words.scale, words.scale6, words.mul, words.splat
-    outer, isotropic, symmetric = words.outer, words.isotropic, words.symmetric
-    diagonals, stress = shape.diagonals, shape.stress
+    scale6, mul, splat, outer = words.scale6, words.mul, words.splat, words.outer
+    diagonals, corner_block = shape.diagonals, shape.corner_block
     zero, one, two = real(0.0), real(1.0), real(2.0)
     module = kernel_module(f"surface_blocks_{variant_name(orthogonal, bending)}", width, real)
 
     @wp.func
-    def block_column(
-        K: wp.array3d(dtype=real), i: int, j: int, gs: V, gt: V, gc: V, gu: V, gv: V, s: L, t: L, c: L, u: L, v: L
-    ):
-        """Column of g' K g, where g are the gradients of the strains and (s, t, c, u, v) their components there."""
-        ss, st, sc, su, sv = stress(K, i, j, s, t, c, u, v)
-        return scale(ss, gs) + scale(st, gt) + scale(sc, gc) + (scale(su, gu) + scale(sv, gv))
-
-    @wp.func
-    def corner_block(
+    def cell_block(
         r: wp.array3d(dtype=real),
         K: wp.array3d(dtype=real),
         tension: wp.array3d(dtype=real),
@@ -50,18 +41,7 @@ def surface_blocks(width: int, real: Any, orthogonal: bool, bending: bool) -> Si
     ):
         """Diagonal block of the corner whose motion dr gives dD = on_d dr, dE = on_e dr, dx = on_x dr (0, 1 or -1)."""
         d, e, x = diagonals(r, i, j)
-        gs = on_d * d + on_e * e + on_x * x
-        gt, gc = on_e * d + on_d * e, on_d * d - on_e * e
-        gu, gv = on_x * d + on_d * x, on_x * e + on_e * x
-        block = isotropic(
-            (on_d * on_d) * load1(tension, 0, i, j)
-            + (on_e * on_e) * load1(tension, 1, i, j)
-            + (on_x * on_x) * load1(tension, 2, i, j)
-        )
-        c0 = block_column(K, i, j, gs, gt, gc, gu, gv, gs[0], gt[0], gc[0], gu[0], gv[0])
-        c1 = block_column(K, i, j, gs, gt, gc, gu, gv, gs[1], gt[1], gc[1], gu[1], gv[1])
-        c2 = block_column(K, i, j, gs, gt, gc, gu, gv, gs[2], gt[2], gc[2], gu[2], gv[2])
-        block = block + symmetric(c0, c1, c2)
+        block = corner_block(K, tension, i, j, d, e, x, on_d, on_e, on_x)
         if wp.static(bending):
             n = load3(twist, 0, i, j)
             b = splat(on_x) - on_d * load1(twist, 3, i, j) - on_e * load1(twist, 4, i, j)
@@ -79,10 +59,10 @@ def surface_blocks(width: int, real: Any, orthogonal: bool, bending: bool) -> Si
     ):
         ii, group = wp.tid()
         i, j = ii + 1, (group + 1) * width
-        block = corner_block(r, K, tension, K12, twist, i, j, -one, zero, one)
-        block = block + corner_block(r, K, tension, K12, twist, i - 1, j, zero, one, -one)
-        block = block + corner_block(r, K, tension, K12, twist, i, j - 1, zero, -one, -one)
-        block = block + corner_block(r, K, tension, K12, twist, i - 1, j - 1, one, zero, one)
+        block = cell_block(r, K, tension, K12, twist, i, j, -one, zero, one)
+        block = block + cell_block(r, K, tension, K12, twist, i - 1, j, zero, one, -one)
+        block = block + cell_block(r, K, tension, K12, twist, i, j - 1, zero, -one, -one)
+        block = block + cell_block(r, K, tension, K12, twist, i - 1, j - 1, one, zero, one)
         add6(blocks_out, 0, i, j, block)
 
     @wp.func

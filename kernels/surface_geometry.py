@@ -1,4 +1,4 @@
-"""Words of the surface kernels: differences across a cell, tangents at a node, normals and Christoffel symbols.
+"""Words of the surface kernels: differences, strains and forces of a cell, tangents, normals, Christoffel symbols.
 
 The formulas are those of :mod:`warpdeform.kernels.surface`.
 """
@@ -26,8 +26,10 @@ def geometry(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
     L, V = words.L, words.V
     load1, load3, store1, along_u = words.load1, words.load3, words.store1, words.along_u
     dot3, cross3, scale, mul, div = words.dot3, words.cross3, words.scale, words.mul, words.div
-    root, at_least, splat = words.root, words.at_least, words.splat
-    half, one = real(0.5), real(1.0)
+    root, at_least, splat, isotropic, symmetric = (
+        words.root, words.at_least, words.splat, words.isotropic, words.symmetric,
+    )  # fmt: skip
+    zero, half, one = real(0.0), real(0.5), real(1.0)
 
     @wp.func
     def diagonals(r: wp.array3d(dtype=real), i: int, j: int):
@@ -61,16 +63,95 @@ def geometry(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
             )
 
     @wp.func
+    def numbers(d: V, e: V, x: V):
+        """q."""
+        dd, ee, xx = dot3(d, d), dot3(e, e), dot3(x, x)
+        return half * (dd + ee + xx), dot3(d, e), half * (dd - ee), dot3(d, x), dot3(e, x)
+
+    @wp.func
     def strains(d: V, e: V, x: V, q0: wp.array3d(dtype=real), i: int, j: int):
         """q - q0."""
-        dd, ee, xx = dot3(d, d), dot3(e, e), dot3(x, x)
+        s, t, c, u, v = numbers(d, e, x)
         return (
-            half * (dd + ee + xx) - load1(q0, 0, i, j),
-            dot3(d, e) - load1(q0, 1, i, j),
-            half * (dd - ee) - load1(q0, 2, i, j),
-            dot3(d, x) - load1(q0, 3, i, j),
-            dot3(e, x) - load1(q0, 4, i, j),
+            s - load1(q0, 0, i, j),
+            t - load1(q0, 1, i, j),
+            c - load1(q0, 2, i, j),
+            u - load1(q0, 3, i, j),
+            v - load1(q0, 4, i, j),
         )
+
+    @wp.func
+    def strain_changes(d: V, e: V, x: V, pd: V, pe: V, px: V):
+        """q, linearised, under a displacement with the differences pd, pe, px."""
+        dd, ee = dot3(d, pd), dot3(e, pe)
+        return (
+            (dd + ee) + dot3(x, px),
+            dot3(d, pe) + dot3(e, pd),
+            dd - ee,
+            dot3(d, px) + dot3(x, pd),
+            dot3(e, px) + dot3(x, pe),
+        )
+
+    @wp.func
+    def cell_forces(d: V, e: V, x: V, ss: L, st: L, sc: L, su: L, sv: L):
+        """Derivatives of the energy by D, E and x, from its derivatives by q."""
+        fd = scale(ss + sc, d) + scale(st, e) + scale(su, x)
+        fe = scale(ss - sc, e) + scale(st, d) + scale(sv, x)
+        fx = scale(ss, x) + scale(su, d) + scale(sv, e)
+        return fd, fe, fx
+
+    @wp.func
+    def store_tension(tension: wp.array3d(dtype=real), i: int, j: int, ss: L, st: L, sc: L):
+        # dW by the mean squared length of the u-edges is ss + st, of the v-edges ss - st: their tensions.
+        pull_u, pull_v = half * at_least(ss + st, zero), half * at_least(ss - st, zero)
+        store1(tension, 0, i, j, (pull_u + pull_v) + at_least(sc, zero))
+        store1(tension, 1, i, j, (pull_u + pull_v) + at_least(splat(zero) - sc, zero))
+        store1(tension, 2, i, j, pull_u + pull_v)
+        store1(tension, 3, i, j, pull_u - pull_v)
+
+    @wp.func
+    def tensed(tension: wp.array3d(dtype=real), i: int, j: int, fd: V, fe: V, fx: V, pd: V, pe: V, px: V):
+        """fd, fe and fx, and on top of them the tension times pd, pe and px."""
+        tde = load1(tension, 3, i, j)
+        fd = fd + scale(load1(tension, 0, i, j), pd) + scale(tde, pe)
+        fe = fe + scale(load1(tension, 1, i, j), pe) + scale(tde, pd)
+        fx = fx + scale(load1(tension, 2, i, j), px)
+        return fd, fe, fx
+
+    @wp.func
+    def block_column(
+        K: wp.array3d(dtype=real), i: int, j: int, gs: V, gt: V, gc: V, gu: V, gv: V, s: L, t: L, c: L, u: L, v: L
+    ):
+        """Column of g' K g, where g are the gradients of the strains and (s, t, c, u, v) their components there."""
+        ss, st, sc, su, sv = stress(K, i, j, s, t, c, u, v)
+        return scale(ss, gs) + scale(st, gt) + scale(sc, gc) + (scale(su, gu) + scale(sv, gv))
+
+    @wp.func
+    def corner_block(
+        K: wp.array3d(dtype=real),
+        tension: wp.array3d(dtype=real),
+        i: int,
+        j: int,
+        d: V,
+        e: V,
+        x: V,
+        on_d: real,
+        on_e: real,
+        on_x: real,
+    ):
+        """Diagonal block of the corner whose motion dr gives dD = on_d dr, dE = on_e dr, dx = on_x dr (0, 1 or -1)."""
+        gs = on_d * d + on_e * e + on_x * x
+        gt, gc = on_e * d + on_d * e, on_d * d - on_e * e
+        gu, gv = on_x * d + on_d * x, on_x * e + on_e * x
+        block = isotropic(
+            (on_d * on_d) * load1(tension, 0, i, j)
+            + (on_e * on_e) * load1(tension, 1, i, j)
+            + (on_x * on_x) * load1(tension, 2, i, j)
+        )
+        c0 = block_column(K, i, j, gs, gt, gc, gu, gv, gs[0], gt[0], gc[0], gu[0], gv[0])
+        c1 = block_column(K, i, j, gs, gt, gc, gu, gv, gs[1], gt[1], gc[1], gu[1], gv[1])
+        c2 = block_column(K, i, j, gs, gt, gc, gu, gv, gs[2], gt[2], gc[2], gu[2], gv[2])
+        return block + symmetric(c0, c1, c2)
 
     @wp.func
     def inverse_metric(r1: V, r2: V, floor: real):
@@ -156,7 +237,13 @@ def geometry(width: int, real: Any, orthogonal: bool) -> SimpleNamespace:
     return SimpleNamespace(
         diagonals=diagonals,
         stress=stress,
+        numbers=numbers,
         strains=strains,
+        strain_changes=strain_changes,
+        cell_forces=cell_forces,
+        store_tension=store_tension,
+        tensed=tensed,
+        corner_block=corner_block,
         unit_normal=unit_normal,
         christoffel=christoffel,
         tangent_u=tangent_u,

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from warpdeform.body import Body, Pin, Spring
+from warpdeform.integrators import INTEGRATORS
 from warpdeform.material import Material
 from warpdeform.obstacle import Obstacle
 from warpdeform.settings import Settings
@@ -16,17 +17,31 @@ from warpdeform.wind import Wind
 
 Array = np.ndarray[Any, Any]
 
+SEARCHING = [name for name, method in INTEGRATORS.items() if getattr(method, "searches", False)]
+"""Methods whose Newton iteration has a line search."""
+EVERYWHERE = [name for name in INTEGRATORS if name != "energy-momentum"]
+"""Methods that run every body and term."""
+
+PAPER_FPS = {name: 6000.0 for name in INTEGRATORS if "terzopoulos" in name}
+"""Steps a second that are stable for the paper's method."""
+
 CLOTH = Material(areal_density=0.2, membrane_stiffness=1000.0, poisson_ratio=0.3, bending_stiffness=1e-5)
 REAL_TIME = Settings(device="cpu")
 PRECISE = replace(
     REAL_TIME, precision="float64", newton_iterations=0, newton_tolerance=1e-9, cg_tolerance=1e-9, cg_iterations=2000
 )
+MEMBRANE = replace(CLOTH, bending_stiffness=None)
 CORNERS = (Pin("corner:0,0"), Pin("corner:0,1"))
 LIFT = Track.line((0.0, 0.0, 0.0), (0.3, -0.1, 0.7), 0.0, 0.5)
 
 
 def hanging(nodes: tuple[int, int] = (6, 19), **body: Any) -> Body:
     return Body(**{"name": "sheet", "shape": sheet(nodes), "material": CLOTH, "pins": CORNERS} | body)
+
+
+def material_for(integrator: str) -> Material:
+    """Cloth, or a membrane where the method asks for it."""
+    return CLOTH if integrator in EVERYWHERE else MEMBRANE
 
 
 def busy(**settings: Any) -> Simulation:

@@ -65,7 +65,6 @@ class Scene:
         self.states = [State(model, self.iteration) for model in self.models]
         surfaces = [Surface(model.grid, model.body.shape.positions, model.spacing) for model in self.models]
         self.system = ContactSystem(self.states, surfaces, [model.node_mass for model in self.models], pairs)
-        self.terms = self.system.terms()
         self.simplices = Simplices.joined([Simplices.of_grid(model.grid) for model in self.models])
 
     def place(self, positions: Sequence[Array], vector: str = "z") -> None:
@@ -79,43 +78,36 @@ class Scene:
     def begin(self, positions: Sequence[Array]) -> None:
         """Begin a step at some positions."""
         self.place(positions, "x")
-        for term, state in zip(self.terms, self.states, strict=True):
-            term.begin(state)
+        self.system.begin()
 
     def finish(self) -> None:
-        for term, state in zip(self.terms, self.states, strict=True):
-            term.finish(state)
+        self.system.finish()
 
     def linearise(self, positions: Sequence[Array]) -> None:
         self.place(positions)
-        for term, state in zip(self.terms, self.states, strict=True):
-            term.linearise(state, state.z)
+        self.system.linearise("z")
 
     def energy(self, positions: Sequence[Array]) -> float:
         """Of the listed pairs at other positions."""
         self.place(positions, "trial")
-        total = 0.0
-        for term, state in zip(self.terms, self.states, strict=True):
+        for state in self.states:
             state.partials.zero_()
-            term.add_energy(state, state.trial, state.partials)
-            total += float(state.partials.numpy().sum())
-        return total
+        self.system.add_energy("trial")
+        return sum(float(state.partials.numpy().sum()) for state in self.states)
 
     def gradient(self) -> Array:
         """Gradient at the positions of `linearise`, all bodies one after the other, shape (nodes, 3)."""
-        found = []
-        for term, state, model in zip(self.terms, self.states, self.models, strict=True):
+        for state in self.states:
             state.gradient.zero_()
-            term.add_gradient(state, state.z, state.gradient)
-            found.append(model.download(state.gradient).reshape(-1, 3))
-        return np.concatenate(found)
+        self.system.add_gradient("z", "gradient")
+        return np.concatenate([each.reshape(-1, 3) for each in self.take("gradient")])
 
     def blocks(self) -> Array:
         """Diagonal blocks, shape (nodes, 3, 3)."""
         found = []
-        for term, state, model in zip(self.terms, self.states, self.models, strict=True):
+        for state, model in zip(self.states, self.models, strict=True):
             blocks = model.zeros(6)
-            term.add_node_blocks(state, blocks)
+            self.system.add_node_blocks(state, blocks)
             found.append(model.download(blocks).reshape(-1, 6))
         return np.concatenate(found)[:, [[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
 
@@ -123,20 +115,17 @@ class Scene:
         """The whole Hessian times a vector, both of shape (nodes, 3)."""
         self.place(self.split(direction), "search")
         diagonal = np.einsum("nij,nj->ni", self.blocks(), direction)
-        found = []
-        for term, state, model in zip(self.terms, self.states, self.models, strict=True):
+        for state in self.states:
             state.product.zero_()
-            term.add_coupling_product(state, state.search, state.product)
-            found.append(model.download(state.product).reshape(-1, 3))
-        return diagonal + np.concatenate(found)
+        self.system.add_hessian_product("search", "product")
+        return diagonal + np.concatenate([each.reshape(-1, 3) for each in self.take("product")])
 
     def guard(self, positions: Sequence[Array], directions: Sequence[Array]) -> list[Array]:
         """What the guard makes of displacements."""
         self.place(positions)
         self.place(directions, "direction")
         self.system.begin()
-        for term, state in zip(self.terms, self.states, strict=True):
-            term.guard(state, state.z, state.direction)
+        self.system.guard("z", "direction")
         return self.take("direction")
 
     def split(self, values: Array) -> list[Array]:

@@ -36,7 +36,6 @@ class LooseNodes:
         self.layout = Layout((self.count, 1), lane_width)
         self.x, self.w = self.upload(self.position), self.upload(self.position)
         self.mass = self.upload(np.full((self.count, 1), MASS))
-        self.area = self.mass
         self.free = self.upload(np.ones((self.count, 1)))
         self.iteration = wp.zeros(1, dtype=int, device=self.device)
         shape = (self.layout.rows, self.layout.columns)

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -14,12 +15,14 @@ from typer.testing import CliRunner, Result
 
 from warpdeform.cli import app
 from warpdeform.errors import SimulationFailure
+from warpdeform.integrators import INTEGRATORS
 from warpdeform.scene import scene_names
 from warpdeform.simulation import Simulation
 
 KEYS = {
     "frames", "nodes", "sim_s", "wall_s", "setup_s", "newton_iterations", "cg_iterations", "newton_unconverged",
-    "retries", "max_residual", "max_stretch", "energy", "device", "precision", "integrator", "output",
+    "retries", "steps", "outcomes", "error_estimate", "max_residual", "max_stretch", "energy", "device", "precision",
+    "integrator", "output",
 }  # fmt: skip
 COARSE = ("--device", "cpu", "--set", "body.0.nodes=[7,6]")
 
@@ -83,6 +86,40 @@ def test_flags_and_overrides_reach_the_run(tmp_path: Path) -> None:
     assert (record["integrator"], record["precision"]) == ("implicit-euler", "float64")
     assert record["sim_s"] == pytest.approx(2 / 30)
     assert record["newton_iterations"] >= 4
+
+
+def test_help_names_every_integrator() -> None:
+    text = " ".join(call("run", "--help").output.split())
+    for name in INTEGRATORS:
+        assert re.search(rf"[ ,]{name}[,.]", text), name
+
+
+def test_a_method_says_what_it_does_otherwise_unless_it_is_to_be_quiet(tmp_path: Path) -> None:
+    arguments = ("run", "hanging", *COARSE, "--integrator", "verlet", "--frames", 3, "--out", tmp_path / "out.usdc")
+    done = call(*arguments)
+    assert (done.exit_code, "verlet takes" in done.stderr) == (0, True)
+    assert "verlet" not in call(*arguments, "--quiet").stderr
+    record = json.loads(call(*arguments, "--json").stdout)
+    assert record["steps"] == record["outcomes"]["explicit"] > 4
+
+
+def test_what_a_method_cannot_run_is_refused_with_the_reason(tmp_path: Path) -> None:
+    done = call("run", "hanging", *COARSE, "--integrator", "energy-momentum", "--out", tmp_path / "out.usdc")
+    assert done.exit_code == 2
+    words = 'hanging.toml: solver.integrator = "energy-momentum": conserves energy only of membranes and solids'
+    assert words in done.stderr
+    assert not (tmp_path / "out.usdc").exists()
+
+
+def test_a_run_that_blows_up_is_caught_counted_and_keeps_its_frames(tmp_path: Path) -> None:
+    arguments = ("--set", "body.0.nodes=[17,17]", "--device", "cpu", "--integrator", "terzopoulos", "--frames", 40)
+    done = call("run", "hanging", *arguments, "--out", tmp_path / "out.usdc")
+    assert done.exit_code == 1
+    assert "could not be completed" in done.stderr
+    assert "steps were repeated with smaller ones" in done.stdout
+    frames = int(done.stdout.split(" frames")[0].split()[-1])
+    assert 1 < frames < 40
+    assert Usd.Stage.Open(str(tmp_path / "out.usdc")).GetEndTimeCode() == frames
 
 
 def test_without_out_the_file_is_named_by_the_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -245,4 +282,5 @@ def test_scenes_lists_every_packaged_scene_with_a_line() -> None:
 
 def test_scenes_publishes_the_schema() -> None:
     schema = json.loads(call("scenes", "--schema").stdout)
-    assert {"scene", "solver", "body", "obstacle", "wind", "output"} == set(schema["properties"])
+    tables = {"scene", "solver", "body", "obstacle", "attachment", "contact", "wind", "output"}
+    assert tables == set(schema["properties"])

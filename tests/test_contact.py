@@ -156,18 +156,67 @@ def test_pins_lead_a_body_through_others_as_far_as_there_is_a_way() -> None:
     assert simulation["sheet"].positions()[..., 2].mean() < -0.4
     held = replace(sheet, pins=(wd.Pin("all"),))
     simulation = wd.Simulation([bar, held], contacts=contacts, settings=SETTINGS)
-    with pytest.raises(SimulationFailure, match=r'body "bar".*cannot follow its path.*leave it no way'):
+    with pytest.raises(SimulationFailure, match=r'body "bar".*pins cannot follow their path: bodies in contact leave'):
         run(simulation, 60)
     assert crossings(simulation) == 0
+    assert simulation.record().outcomes["blocked"] > 0
+
+
+IMPLICIT = ("implicit-euler", "tr-bdf2", "sdirk2", "linear-implicit")
+
+
+@pytest.mark.parametrize("integrator", IMPLICIT)
+def test_nothing_crosses_under_any_method_that_solves_for_its_forces(integrator: str) -> None:
+    simulation = falling((9, 9), integrator=integrator, substeps=1)
+    for _ in range(30):
+        simulation.advance_frame()
+        assert crossings(simulation) == 0
+    record = simulation.record().contact
+    assert record is not None
+    assert record.guard_active > 0.0
+
+
+@pytest.mark.parametrize(
+    ("integrator", "words"),
+    [
+        ("verlet", 'integrator = "verlet": is stable below steps that contact'),
+        ("energy-momentum", "cannot forbid crossing: contact holds back the middle of its steps"),
+        ("terzopoulos", "takes forces as they are before the step, and contact has to be solved for"),
+    ],
+)
+def test_methods_that_cannot_forbid_crossing_are_refused(integrator: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        falling((9, 9), integrator=integrator, time_step="auto" if integrator == "verlet" else "fixed")
+
+
+def test_what_hangs_rigidly_on_another_does_not_cross_either() -> None:
+    shape = wd.sheet((7, 7), (0.3, 0.3))
+    top = wd.Body("top", wd.sheet((7, 3), (0.3, 0.1)), CLOTH, pins=[wd.Pin("edge:v,0")])
+    below = wd.Body("below", shape, CLOTH, position=(0.0, 0.1, 0.0), self_contact=True)
+    ball = wd.Body("ball", wd.sheet((5, 5), (0.2, 0.2)), CLOTH, position=(0.05, 0.1, 0.1), velocity=(0.0, 0.0, -6.0))
+    simulation = wd.Simulation(
+        [top, below, ball],
+        attachments=[wd.Attachment("below", "edge:v,0", "top", "edge:v,1")],
+        contacts=[wd.Contact(("ball", "top")), wd.Contact(("ball", "below"))],
+        settings=SETTINGS,
+    )
+    for _ in range(30):
+        simulation.advance_frame()
+        parts = [simulation["below"], simulation["ball"]]
+        points = np.concatenate([handle.positions().reshape(-1, 3) for handle in parts])
+        assert len(crossing_pairs(points, Simplices.joined([Simplices.of_grid(h.model.grid) for h in parts]))) == 0
+    apart = simulation["below"].positions()[:, 0] - simulation["top"].positions()[:, -1]
+    assert np.abs(apart).max() < 1e-6
 
 
 def test_info_tells_what_contact_costs() -> None:
     simulation = falling()
-    terms = {term.name: term for term in simulation.info().bodies[0].terms}
-    assert "contact_guard.find_risks" in terms["contact"].kernels
+    (contact,) = simulation.info().couplings
+    assert contact.name == "contact"
+    assert "contact_guard.find_risks" in contact.kernels
     nodes = sum(handle.model.grid.node_count for handle in simulation.bodies)
-    assert 0 < terms["contact"].bytes < 2500 * nodes
-    assert simulation.info().bodies[1].terms[-1].bytes == 0
+    assert 0 < contact.bytes < 2500 * nodes
+    assert any(line.startswith("contact: ") for line in simulation.info().lines())
 
 
 SHEET = wd.sheet((6, 6), (0.3, 0.3))

@@ -18,21 +18,35 @@ import pytest
 import warp as wp
 
 import warpdeform.kernels
+from warpdeform.kernels.curve import curve
+from warpdeform.kernels.explicit import Kick
 from warpdeform.kernels.products import Gathering
+from warpdeform.kernels.solid_gather import solid_gather
 from warpdeform.kernels.surface import surface
 
 Compile = Callable[[list[wp.Kernel], int], bytes]
 
-VALUES: dict[Any, list[Any]] = {"width": [1], "real": [wp.float32, wp.float64], bool: [False, True]}
+VALUES: dict[Any, list[Any]] = {
+    "width": [1], "real": [wp.float32, wp.float64], "strains": [0, 2, 3], "kind": ["curve", "surface", "solid"],
+    bool: [False, True],
+}  # fmt: skip
 """What is passed for the parameters of a factory, by name or by annotation."""
 GATHERINGS: list[Callable[[int, Any], Gathering]] = [
     partial(lambda width, real, flags: surface(width, real, *flags).gathering, flags=flags)
     for flags in itertools.product((False, True), repeat=2)
 ]
+GATHERINGS += [partial(lambda width, real, n: curve(width, real, n).gathering, n=n) for n in (0, 2, 3)]
+GATHERINGS.append(lambda width, real: solid_gather(width, real).gathering)
 """The gatherings of all elastic terms, by lane width and precision."""
+KICKS: list[Callable[[int, Any], Kick]] = [
+    lambda width, real: Kick(surface(width, real, True, True).gathering, True, True, True, False, True),
+    lambda width, real: Kick(None, True, False, True, True, True),
+]
+"""Two explicit steps, which together have all there is to a kick, by lane width and precision."""
 WORDS_ONLY = {
-    "lanes", "distances", "geometry", "transfers", "transfer_tables", "potential",
-    "box_words", "box_distances", "closest", "contact_law", "kept_separation",
+    "angle_system", "angles", "curve_geometry", "distances", "geometry", "lanes", "no_gathering", "solid_geometry",
+    "solid_volume", "strand_border", "strand_words", "transfer_tables", "transfers",
+    "potential", "box_words", "box_distances", "closest", "contact_law", "kept_separation",
 }  # fmt: skip
 """Factories of device functions that have no kernel of their own."""
 
@@ -60,10 +74,10 @@ def variants() -> Iterator[Any]:
     """Every factory but those of words, with every combination of its options."""
     for factory in factories():
         parameters = inspect.signature(factory).parameters.values()
-        known: dict[Any, list[Any]] = {**VALUES, Gathering: GATHERINGS}
+        known: dict[Any, list[Any]] = {**VALUES, Gathering: GATHERINGS, Kick: KICKS}
         options = [known[p.name if p.name in known else p.annotation] for p in parameters]
         for chosen in itertools.product(*options) if factory.__name__ not in WORDS_ONLY else ():
-            values = tuple(value(*chosen[:2]) if value in GATHERINGS else value for value in chosen)
+            values = tuple(value(*chosen[:2]) if value in (*GATHERINGS, *KICKS) else value for value in chosen)
             words = [getattr(value, "__name__", getattr(value, "name", str(value))) for value in values]
             yield pytest.param(factory, values, id="-".join([factory.__name__, *words]))
 
@@ -111,7 +125,9 @@ def test_kernels_compile_for_cuda(
 def test_no_factory_of_kernels_is_overlooked() -> None:
     found = {factory.__name__ for factory in factories()}
     assert found >= WORDS_ONLY
-    assert {"krylov", "reductions", "stage", "decisions", "surface", "surface_coupling"} <= found
+    assert {"krylov", "reductions", "stage", "decisions", "surface", "surface_coupling", "kicks", "bursts"} <= found
     assert {"fields", "guards", "wind"} <= found
+    assert {"curve", "curve_frame", "curve_settle", "curve_blocks", "strand"} <= found
+    assert {"solid", "solid_blocks", "solid_gather", "solid_levels"} <= found
     modules = [kernels_of(*variant.values)[0].module.name for variant in VARIANTS]
     assert len(set(modules)) == len(modules)

@@ -52,6 +52,35 @@ def test_cells_of_a_periodic_axis_share_around_the_seam() -> None:
     assert shares.sum() == 4.0
 
 
+def test_parameters_around_poles_leave_room_for_them() -> None:
+    both = ParameterGrid((6, 4), (0.3, 0.4), (True, False), poles=(True, True)).parameters()
+    np.testing.assert_allclose(both[0, :, 1], [0.125, 0.375, 0.625, 0.875])
+    start = ParameterGrid((3, 6), (0.3, 0.4), (False, True), poles=(True, False)).parameters()
+    np.testing.assert_allclose(start[:, 0, 0], [0.2, 0.6, 1.0])
+
+
+def test_grids_around_poles_stay_even_and_are_coarsened_around_them_first() -> None:
+    grid: ParameterGrid | None = ParameterGrid((50, 33), (0.1, 0.1), (True, False), poles=(True, True))
+    lengths, seen = (0.06, 0.1), []
+    while grid is not None:
+        seen.append(grid.nodes)
+        assert grid.nodes[0] % 2 == 0
+        assert grid.poles == (True, True)
+        before, grid = grid, grid.coarser(lengths)
+        if grid is not None:
+            lengths = tuple(length * s / b for length, s, b in zip(lengths, grid.spacing, before.spacing, strict=True))
+    assert seen[:4] == [(50, 33), (26, 33), (14, 33), (8, 17)]
+    assert seen[-1][0] == 4
+
+
+def test_rings_are_the_nodes_around_the_poles() -> None:
+    north, south = ParameterGrid((6, 3), (1.0, 1.0), (True, False), poles=(True, True)).rings
+    assert north.tolist() == [[i, 0] for i in range(6)]
+    assert south.tolist() == [[i, 2] for i in range(6)]
+    (ring,) = ParameterGrid((3, 6), (1.0, 1.0), (False, True), poles=(False, True)).rings
+    assert ring.tolist() == [[2, j] for j in range(6)]
+
+
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("nodes", GRIDS, ids=str)
 def test_layout_frames_whole_lane_groups(nodes: tuple[int, int], width: int) -> None:

@@ -45,6 +45,36 @@ def test_neighbours_of_every_node_are_found_across_the_seam(
         np.testing.assert_array_equal(seen, values[tuple((beside[exists] % nodes).T)])
 
 
+POLAR = [((6, 5), (True, False)), ((8, 8), (True, False)), ((4, 6), (False, True)), ((3, 10), (False, True))]
+
+
+@pytest.mark.parametrize("width", [1, 8])
+@pytest.mark.parametrize(("nodes", "periodic"), POLAR, ids=str)
+def test_behind_a_pole_comes_the_other_side(nodes: tuple[int, int], periodic: tuple[bool, bool], width: int) -> None:
+    layout = Layout(nodes, width, periodic, (True, True))
+    values, array = filled(layout)
+    halo = Halo(layout, wp.float64, CPU)
+    halo.refresh(array)
+    found, around = array.numpy().copy(), periodic.index(True)
+    half = nodes[around] // 2
+    for end, step in ((0, -1), (nodes[1 - around] - 1, 1)):
+        for m in range(-1, nodes[around] + 1):
+            behind, opposite = [m, m], [0, 0]
+            behind[1 - around], opposite[1 - around] = end + step, end
+            opposite[around] = (m + half) % nodes[around]
+            assert found[:, behind[0] + 1, behind[1] + layout.halo].tolist() == values[tuple(opposite)].tolist()
+    # Cells end at a pole; what is measured along the axes turns around.
+    _, cells = filled(layout)
+    halo.refresh_cells(cells)
+    assert np.count_nonzero(cells.numpy()) == np.count_nonzero(found) - 4 * (nodes[around] + 2)
+    _, turned = filled(layout)
+    halo.refresh_turned(turned, halo.turning([1, 0], [1.0, -1.0]))
+    behind = np.zeros(found.shape[1:], dtype=bool)
+    behind[:, :] = (found != cells.numpy()).any(axis=0)
+    np.testing.assert_array_equal(turned.numpy()[:, behind], found[::-1][:, behind] * [[1.0], [-1.0]])
+    np.testing.assert_array_equal(turned.numpy()[:, ~behind], cells.numpy()[:, ~behind])
+
+
 @pytest.mark.parametrize("width", [1, 8])
 @pytest.mark.parametrize(("nodes", "periodic"), GRIDS, ids=str)
 def test_nothing_but_the_halo_is_written_and_lanes_are_cleared(

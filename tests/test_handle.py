@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from surfaces import MATERIALS, SHAPES, crumpled, design_energy, stretched, turned
+from surface_energy import design_energy
+from surfaces import MATERIALS, SHAPES, crumpled, stretched, turned
 
 from warpdeform.body import Body
 from warpdeform.handle import BodyHandle

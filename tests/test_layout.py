@@ -35,6 +35,8 @@ FLOORS = (
         "contact",
         "state",
         "device",
+        "attachment",
+        "clamps",
         "launching",
         "team",
         "errors",
@@ -45,6 +47,12 @@ FLOORS = (
         "topology",
         "selectors",
         "tensors",
+        "section",
+        "frenet",
+        "array_file",
+        "coefficients",
+        "varying",
+        "growth",
     },
     {"forces", "linear"},
     {"integrators"},
@@ -53,7 +61,22 @@ FLOORS = (
 )
 """Modules by floor (design 3.2): a module imports its own floor and those below."""
 
-DESCRIPTIONS = ("errors", "material", "shape", "track", "obstacle", "wind", "body", "contact", "settings", "result")
+DESCRIPTIONS = (
+    "errors",
+    "varying",
+    "growth",
+    "material",
+    "shape",
+    "track",
+    "obstacle",
+    "wind",
+    "body",
+    "contact",
+    "settings",
+    "result",
+    "section",
+    "coefficients",
+)
 """What a scene is described with: pure NumPy, so that a command line answers before Warp is loaded."""
 
 FLOOR_OF = {name: floor for floor, names in enumerate(FLOORS) for name in names}

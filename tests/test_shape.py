@@ -166,7 +166,7 @@ def test_bad_grids_are_refused_with_the_node_that_shows_it() -> None:
     assert "without area" in refusal(from_array, line)
 
 
-NODES = {"curve": (17,), "surface": (7, 5), "solid": (7, 5, 4)}
+NODES = {"curve": (17,), "surface": (8, 5), "solid": (7, 5, 4)}
 
 
 @pytest.mark.parametrize("name", [name for name in SHAPES if name != "file"])
@@ -265,6 +265,29 @@ def test_closed_surfaces_have_their_sizes() -> None:
     np.testing.assert_allclose(np.hypot(out, doughnut.positions[..., 2]), 0.2, rtol=1e-13)
 
 
+def test_poles_that_cannot_close_are_named() -> None:
+    assert sphere((6, 3)).poles == (True, True)
+    assert tube((6, 3)).poles == (False, False)
+    assert "must have an even number along u" in refusal(sphere, (7, 5))
+    assert "Use for example [8, 5]" in refusal(sphere, (7, 5))
+    assert "Use for example [6, 5]" in refusal(sphere, (4, 5))
+    globe, around = sphere((8, 5)).positions, (True, False)
+    closed = {"periodic": around, "poles": (True, True)}
+    assert from_array(globe, **closed).grid.poles == (True, True)
+    assert "has 7 nodes along u, of which every one needs another" in refusal(from_array, globe[:7], **closed)
+    assert refusal(from_array, globe, poles=(True, True)).startswith("poles")
+    assert "must be two of true and false" in refusal(from_array, globe, periodic=around, poles=(True,))
+    assert refusal(from_array, torus((8, 6)).positions, periodic=(True, True), poles=(True, True)).startswith("poles")
+    # A tube is no ball: what lies across its end is far away.
+    wide = refusal(from_array, tube((8, 5), 0.5, 0.5).positions, **closed)
+    assert "does not close at the start of v: the node across from [0, 0] is 8 steps of v away" in wide
+    shuffled = globe.copy()
+    shuffled[[1, 2], 0] = shuffled[[2, 1], 0]
+    assert "crosses itself in the pole at the start of v" in refusal(from_array, shuffled, **closed)
+    lifted = np.swapaxes(globe, 0, 1)
+    assert from_array(lifted, periodic=(False, True), poles=(True, True)).grid.rings[1][3].tolist() == [4, 3]
+
+
 def test_solids_are_right_handed_and_have_their_sizes() -> None:
     brick = block((3, 4, 5), (1.0, 2.0, 0.5))
     np.testing.assert_array_equal(brick.positions[-1, -1, -1], [1.0, 2.0, 0.5])
@@ -354,6 +377,9 @@ def test_poles_seams_and_shapes_that_touch_themselves_are_named() -> None:
         from_map, globe, (8, 5), whole, (True, False)
     )
     assert "at the end of v. Let v end half a step" in refusal(from_map, globe, (8, 5), half, (True, False))
+    assert "Let v start half a step beside the pole, and say so with poles" in refusal(
+        from_map, globe, (8, 5), whole, (True, False)
+    )
     # The seam's nodes given twice, as a file from elsewhere has them.
     doubled = np.concatenate([tube((8, 5)).positions, tube((8, 5)).positions[:1]])
     assert "coincides at nodes [8, 0] and [0, 0]" in refusal(from_array, doubled, None, (True, False))

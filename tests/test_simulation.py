@@ -7,12 +7,25 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from bodies import CLOTH, PRECISE, REAL_TIME, assert_same_bits, busy, hanging, run
+from bodies import (
+    CLOTH,
+    EVERYWHERE,
+    PAPER_FPS,
+    PRECISE,
+    REAL_TIME,
+    SEARCHING,
+    assert_same_bits,
+    busy,
+    hanging,
+    material_for,
+    run,
+)
 from surfaces import MATERIALS, noise, stretched
 
-from warpdeform.body import Pin, rotate
+from warpdeform.body import Body, Pin, Spring, rotate
 from warpdeform.errors import InputError, SimulationFailure
 from warpdeform.integrators import INTEGRATORS
+from warpdeform.material import Material
 from warpdeform.result import Outcome
 from warpdeform.settings import Settings
 from warpdeform.shape import sheet
@@ -23,10 +36,12 @@ from warpdeform.wind import Wind
 Array = np.ndarray[Any, Any]
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("integrator", EVERYWHERE)
 @pytest.mark.parametrize(("newton_iterations", "steps"), [(1, 12), (0, 3)], ids=["one iteration", "to tolerance"])
 def test_replayed_steps_are_the_launched_ones_to_the_bit(integrator: str, newton_iterations: int, steps: int) -> None:
-    options: dict[str, Any] = {"integrator": integrator, "newton_iterations": newton_iterations}
+    fps = PAPER_FPS.get(integrator, 60.0)
+    options: dict[str, Any] = {"integrator": integrator, "newton_iterations": newton_iterations, "fps": fps}
+    steps = 2 if INTEGRATORS[integrator].explicit else steps
     replayed, launched = busy(**options), busy(captured=False, **options)
     assert_same_bits(run(replayed, steps), run(launched, steps))
     statistics = [replace(s.record(), wall_s=0.0, setup_s=0.0) for s in (replayed, launched)]
@@ -82,8 +97,10 @@ def test_led_pins_are_on_their_track_to_the_last_bit(integrator: str, precision:
     track = Track(
         [0.0, 0.1, 0.4], [[0, 0, 0], [0.1, 0, 0.2], [0, 0, 0.2]], [[0, 0, 0, 1], [0, 0, 0, 1], [0, 0, half, half]]
     )
-    body = hanging(pins=(Pin("edge:u,0", track), Pin("corner:1,1")), position=(0.3, 0.0, 0.0))
-    simulation = Simulation([body], settings=replace(REAL_TIME, precision=precision, integrator=integrator))
+    pins = (Pin("edge:u,0", track), Pin("corner:1,1"))
+    body = hanging(material=material_for(integrator), pins=pins, position=(0.3, 0.0, 0.0))
+    settings = replace(REAL_TIME, precision=precision, integrator=integrator, fps=PAPER_FPS.get(integrator, 60.0))
+    simulation = Simulation([body], settings=settings)
     start = body.placed_positions()
     for _ in range(30):
         simulation.step()
@@ -139,8 +156,11 @@ def test_lane_widths_agree_to_round_off(precision: str) -> None:
 def test_momentum_in_free_flight(integrator: str, gravity: tuple[float, float, float]) -> None:
     shape, velocity = sheet((5, 9)), np.array([1.0, -2.0, 0.5])
     start = 0.9 * shape.positions + 0.1 * stretched(shape.positions)
-    body = hanging(shape=shape, pins=(), initial_positions=start, velocity=tuple(velocity))
-    simulation = Simulation([body], settings=replace(PRECISE, integrator=integrator, gravity=gravity))
+    body = hanging(
+        material=material_for(integrator), shape=shape, pins=(), initial_positions=start, velocity=tuple(velocity)
+    )
+    fps = PAPER_FPS.get(integrator, 60.0)
+    simulation = Simulation([body], settings=replace(PRECISE, integrator=integrator, gravity=gravity, fps=fps))
     handle = simulation["sheet"]
     mass = handle.model.node_mass[..., None]
     lengths = np.linalg.norm(np.diff(handle.positions(), axis=0), axis=-1)
@@ -174,9 +194,9 @@ def test_node_that_is_not_finite_is_named(node: tuple[int, int], precision: str)
     with pytest.raises(SimulationFailure) as error:
         simulation.step()
     assert (error.value.body, error.value.node) == ("bad", node)
-    assert error.value.time == pytest.approx(4 / 60)
+    assert error.value.time == pytest.approx(3 / 60)
     assert error.value.remedy
-    assert f'body "bad", node {list(node)}, t = 0.0666667 s' in str(error.value)
+    assert f'body "bad", node {list(node)}, t = 0.05 s' in str(error.value)
 
 
 def test_forces_that_overflow_are_a_failure_and_a_reset_heals_them() -> None:
@@ -255,7 +275,7 @@ def test_converged_steps_do_not_depend_on_the_preconditioner() -> None:
         np.testing.assert_allclose(other, found[0], atol=1e-8)
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("integrator", SEARCHING)
 def test_one_iteration_with_its_line_search_holds_stiff_cloth(integrator: str) -> None:
     # Without the line search this blows up: stretch 81 at 1e7 N/m and dt 1/10 (design 2.1, 6.2).
     stiff = replace(CLOTH, membrane_stiffness=1e7)
@@ -269,7 +289,7 @@ def test_one_iteration_with_its_line_search_holds_stiff_cloth(integrator: str) -
         assert simulation["sheet"].max_stretch() < 1.25
 
 
-@pytest.mark.parametrize("integrator", INTEGRATORS)
+@pytest.mark.parametrize("integrator", SEARCHING)
 def test_degenerate_starts_are_survived(integrator: str) -> None:
     # Four nodes in one point and one node moved by two cells (design 6.6).
     shape = sheet((9, 9))
@@ -327,7 +347,7 @@ def test_work_of_the_pins_is_the_energy_that_a_slow_lift_gives() -> None:
         (
             ["a"],
             {"integrator": "leapfrog"},
-            ['integrator = "leapfrog": is not known. Use one of: implicit-euler, bdf2.'],
+            ['integrator = "leapfrog": is not known. Use one of: symplectic-euler, verlet'],
         ),
         (["a"], {"preconditioner": "ilu"}, ['preconditioner = "ilu"', "auto, none, jacobi, block-jacobi"]),
         (["a"], {"device": "cuda:99"}, ['device = "cuda:99"', "Use auto or one of: cpu"]),
@@ -365,3 +385,31 @@ def test_materials_of_every_form_run() -> None:
     for name in MATERIALS:
         simulation = Simulation([hanging((4, 5), material=MATERIALS[name])], settings=REAL_TIME)
         assert np.isfinite(run(simulation, 2)[0]).all(), name
+
+
+@pytest.mark.parametrize("preconditioner", ["block-jacobi", "multigrid"])
+def test_pins_and_springs_let_go(preconditioner: str) -> None:
+    """After 0.1 s nothing holds the second corner, nor pulls at the middle: the rest is a run without them."""
+    held = (Pin("corner:0,0"), Pin("corner:1,0", until=0.1))
+    pulled = (Spring([[4, 4]], 50.0, (0.5, 0.5, 1.0), until=0.1),)
+    body = Body("sheet", sheet((9, 9)), Material.preset("cotton"), pins=held, springs=pulled)
+    settings = Settings(device="cpu", precision="float64", preconditioner=preconditioner)
+    simulation = Simulation([body], settings=settings)
+    start = simulation["sheet"].positions()
+    for _ in range(6):
+        simulation.step()
+    there = simulation["sheet"].positions()
+    np.testing.assert_array_equal(there[8, 0], start[8, 0])
+    assert there[4, 4, 2] > start[4, 4, 2]
+    for _ in range(6):
+        simulation.step()
+    after = simulation["sheet"].positions()
+    assert np.linalg.norm(after[8, 0] - start[8, 0]) > 0.01
+    np.testing.assert_array_equal(after[0, 0], start[0, 0])
+    assert simulation.record().energy.field == 0.0
+    simulation.reset()
+    for _ in range(6):
+        simulation.step()
+    np.testing.assert_array_equal(simulation["sheet"].positions(), there)
+    with pytest.raises(InputError, match="must not be negative"):
+        Pin("all", until=-1.0)

@@ -7,12 +7,15 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from warpdeform.attachment import Attachment
     from warpdeform.body import Body, Pin, Spring
     from warpdeform.contact import Contact
     from warpdeform.errors import InputError, Mistake, SimulationFailure, WarpdeformError
+    from warpdeform.growth import Growth
     from warpdeform.material import Material
     from warpdeform.obstacle import Obstacle
     from warpdeform.scene import load_scene
+    from warpdeform.section import Section
     from warpdeform.settings import Settings
     from warpdeform.shape import (
         RestShape,
@@ -38,14 +41,17 @@ if TYPE_CHECKING:
     from warpdeform.track import Track
     from warpdeform.usd.frames import FrameWriter
     from warpdeform.usd.recorder import Recorder
+    from warpdeform.varying import Varying
     from warpdeform.wind import Wind
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Attachment",
     "Body",
     "Contact",
     "FrameWriter",
+    "Growth",
     "InputError",
     "Material",
     "Mistake",
@@ -53,11 +59,13 @@ __all__ = [
     "Pin",
     "Recorder",
     "RestShape",
+    "Section",
     "Settings",
     "Simulation",
     "SimulationFailure",
     "Spring",
     "Track",
+    "Varying",
     "WarpdeformError",
     "Wind",
     "__version__",
@@ -82,12 +90,15 @@ __all__ = [
 ]
 
 _HOMES = {
+    "attachment": ("Attachment",),
     "body": ("Body", "Pin", "Spring"),
     "contact": ("Contact",),
     "errors": ("InputError", "Mistake", "SimulationFailure", "WarpdeformError"),
+    "growth": ("Growth",),
     "material": ("Material",),
     "obstacle": ("Obstacle",),
     "scene": ("load_scene",),
+    "section": ("Section",),
     "settings": ("Settings",),
     "shape": (
         "RestShape",
@@ -113,6 +124,7 @@ _HOMES = {
     "track": ("Track",),
     "usd.frames": ("FrameWriter",),
     "usd.recorder": ("Recorder",),
+    "varying": ("Varying",),
     "wind": ("Wind",),
 }
 """The module that each public name lives in."""

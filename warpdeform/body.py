@@ -3,23 +3,38 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from warpdeform.coefficients import (
+    CurveCoefficients,
+    PaperCurveWeights,
+    PaperSolidWeights,
+    PaperWeights,
+    SolidCoefficients,
+    SurfaceCoefficients,
+)
 from warpdeform.errors import InputError, Mistake
 from warpdeform.material import Material
+from warpdeform.section import Section
 from warpdeform.selectors import NodeSelector, select_nodes
 from warpdeform.shape import RestShape
+from warpdeform.varying import Varying
 
 if TYPE_CHECKING:
+    from warpdeform.growth import Growth
     from warpdeform.track import Track
 
-DENSITIES: dict[str, Callable[["Body"], float]] = {
-    "surface": lambda body: body.material.surface().areal_density,
+Law = CurveCoefficients | PaperCurveWeights | SurfaceCoefficients | PaperWeights | SolidCoefficients | PaperSolidWeights
+
+LAWS: dict[str, Callable[["Body", str], Law]] = {
+    "curve": lambda body, at: body.material.curve(body.section, body.shape.grid, at),
+    "surface": lambda body, at: body.material.surface(body.shape.grid, at),
+    "solid": lambda body, at: body.material.solid(body.shape.grid, at),
 }
-"""Mass per length [kg/m], area [kg/m2] or volume [kg/m3] of each kind of body that can be simulated."""
+"""What the material of each kind of body comes to, at its "cells" or "nodes"."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +44,19 @@ class Pin:
     Attributes:
         nodes: Which nodes, see `NodeSelector`.
         track: Rigid motion of the held nodes relative to their initial positions; None holds them still.
+        until: When they are let go [s]; None holds them for good.
     """
 
     nodes: NodeSelector
     track: "Track | None" = None
+    until: float | None = None
+
+    def __post_init__(self) -> None:
+        _check_end(self.until)
+
+    def is_over(self, time: float) -> bool:
+        """Whether they are let go before a step that ends at `time` [s]."""
+        return _is_over(self.until, time)
 
 
 @dataclass(frozen=True)
@@ -44,16 +68,33 @@ class Spring:
         stiffness: Stiffness of each node's spring [N/m].
         point: World point [m]; None ties each node to its own initial position.
         track: Rigid motion of the points; None leaves them still.
+        until: When the springs let go [s]; None keeps them for good.
     """
 
     nodes: NodeSelector
     stiffness: float
     point: tuple[float, float, float] | None = None
     track: "Track | None" = None
+    until: float | None = None
 
     def __post_init__(self) -> None:
+        _check_end(self.until)
         if not (math.isfinite(self.stiffness) and self.stiffness > 0):
             raise InputError(Mistake("stiffness", self.stiffness, "must be positive [N/m]", "Use for example 100."))
+
+    def is_over(self, time: float) -> bool:
+        """Whether they let go before a step that ends at `time` [s]."""
+        return _is_over(self.until, time)
+
+
+def _is_over(until: float | None, time: float) -> bool:
+    """Times are multiples of a step to round-off."""
+    return until is not None and time > until + 1e-9
+
+
+def _check_end(until: float | None) -> None:
+    if until is not None and not until >= 0:
+        raise InputError(Mistake("until", until, "must not be negative [s]", "Leave it out to hold for good."))
 
 
 @dataclass(frozen=True)
@@ -73,9 +114,13 @@ class Body:
         drag: Mass-proportional damping [1/s] beside the material's own.
         wind_coefficient: c of the viscous force c (n . v) n [kg/(m2 s)].
         pressure: Pressure inside over outside of a surface with a periodic axis [Pa]; ends are capped; 0 for none.
-        section: Cross-section of a curve, as its material wants it; its `radius` [m] is what wind meets.
+        growth: How the rest shape changes over time; None if it stays.
+        section: Cross-section of a curve, which materials in physical units need.
+        natural: Shape of a curve whose curvature and twist need no force; None: the rest shape.
+        director: Where director 1 of a curve's section points, at its first segment in that shape; None: anywhere.
         self_contact: Whether it feels itself.
-        contact_thickness: Thickness for contact with bodies [m]; None takes that of the material or the section.
+        contact_thickness: Thickness for contact with bodies and obstacles [m]; None takes that of the material or the
+            section.
         color: Display colour, linear RGB.
         roughness: Roughness of the preview surface, 0 to 1.
         nodes: Nodes along the axes: (n, strands) of a curve, (nu, nv) of a surface, (nu, nv, nw) of a solid.
@@ -94,7 +139,10 @@ class Body:
     drag: float = 0.0
     wind_coefficient: float = 2.0
     pressure: float = 0.0
-    section: Any = None
+    growth: "Growth | None" = None
+    section: Section | None = None
+    natural: RestShape | None = None
+    director: tuple[float, float, float] | None = None
     self_contact: bool = False
     contact_thickness: float | None = None
     color: tuple[float, float, float] = (0.55, 0.13, 0.11)
@@ -107,12 +155,17 @@ class Body:
         object.__setattr__(self, "nodes", nodes)
         object.__setattr__(self, "kind", kind)
         mistakes = []
-        if kind not in DENSITIES:
-            problem, known = f"is a {kind}, which cannot be simulated yet", ", ".join(DENSITIES)
-            mistakes.append(Mistake("shape", None, problem, f"Use one of: {known}."))
-        if self.section is not None and kind != "curve":
-            remedy = "Give a surface's material a thickness."
-            mistakes.append(Mistake("section", None, f"does not go with a {kind}", remedy))
+        for key in ("section", "natural", "director") if kind != "curve" else ():
+            if getattr(self, key) is not None:
+                mistakes.append(Mistake(key, None, f"does not go with a {kind}", "Leave it out, or use a curve."))
+        if self.natural is not None and kind == "curve" and self.natural.positions.shape != self.shape.positions.shape:
+            problem = f"has nodes {list(self.natural.nodes)}, the rest shape {list(nodes)}"
+            mistakes.append(Mistake("natural", None, problem, "Give it the nodes and strands of the rest shape."))
+        if self.director is not None and not (np.shape(self.director) == (3,) and any(self.director)):
+            problem = "must be three numbers that are not all zero"
+            mistakes.append(Mistake("director", self.director, problem, "Use for example [0, 0, 1]."))
+        if self.growth is not None:
+            mistakes += self._growth_mistakes()
         for key in ("drag", "wind_coefficient"):
             value = getattr(self, key)
             if not (math.isfinite(value) and value >= 0):
@@ -147,18 +200,43 @@ class Body:
                 select_nodes(selector, nodes, kind)
             except InputError as error:
                 mistakes += [Mistake(key, m.value, m.problem, m.remedy) for m in error.mistakes]
-        if kind in DENSITIES:
-            try:
-                DENSITIES[kind](self)
-            except InputError as error:
-                mistakes += [Mistake(f"material.{m.key}", m.value, m.problem, m.remedy) for m in error.mistakes]
+        try:
+            for at in ("cells", "nodes"):
+                LAWS[kind](self, at)
+        except InputError as error:
+            mistakes += [Mistake(f"material.{m.key}", m.value, m.problem, m.remedy) for m in error.mistakes]
         if mistakes:
             raise InputError(mistakes)
 
+    def _growth_mistakes(self) -> list[Mistake]:
+        assert self.growth is not None
+        if self.kind != "surface":
+            return [Mistake("growth", None, f"does not go with a {self.kind} yet", "Leave it out, or use a surface.")]
+        found = self.growth.mistakes(self.shape.dimension, self.kind)
+        if self.growth.curvature.any() and not found and not self._bends():
+            problem, remedy = "needs a surface that bends", "Give its material a bending stiffness."
+            found.append(Mistake("curvature", self.growth.curvature, problem, remedy))
+        try:
+            self.growth.shares(self.shape.grid)
+        except InputError as error:
+            found += error.mistakes
+        return [Mistake(f"growth.{m.key}", m.value, m.problem, m.remedy) for m in found]
+
+    def _bends(self) -> bool:
+        """Whether the material of a surface resists bending; True also where it is refused for other reasons."""
+        try:
+            coefficients = self.material.surface(self.shape.grid, at="nodes")
+        except InputError:
+            return True
+        return bool(np.any(getattr(coefficients, "bending", getattr(coefficients, "xi", 0.0))))
+
     @property
-    def density(self) -> float:
-        """Mass per length [kg/m] of a curve, area [kg/m2] of a surface or volume [kg/m3] of a solid."""
-        return DENSITIES[self.kind](self)
+    def density(self) -> float | NDArray[np.float64]:
+        """Mass per length [kg/m] of a curve, area [kg/m2] of a surface or volume [kg/m3] of a solid.
+
+        A number, or one for each cell where the material varies, shape (*cells).
+        """
+        return LAWS[self.kind](self, "cells").density
 
     @property
     def diameter(self) -> float:
@@ -167,12 +245,21 @@ class Body:
 
     @property
     def skin_thickness(self) -> float:
-        """Distance of the skins of both sides [m]: of a sheet its thickness, of a curve its diameter, of a solid 0."""
+        """Largest distance of the skins of both sides [m]: of a sheet its thickness, of a curve its diameter."""
+        return float(np.max(self.skin_thicknesses()))
+
+    def skin_thicknesses(self) -> NDArray[np.float64]:
+        """Distance of the skins of both sides at the nodes [m], shape (*nodes); 0 of a solid, whose nodes are skin."""
+        thickness: float | Varying = 0.0
         if self.contact_thickness is not None:
-            return self.contact_thickness
-        if self.kind == "solid":
-            return 0.0
-        return self.diameter if self.kind == "curve" else float(self.material.thickness or 0.0)
+            thickness = self.contact_thickness
+        elif self.kind == "curve":
+            thickness = self.diameter
+        elif self.kind == "surface" and self.material.thickness is not None:
+            thickness = self.material.thickness
+        if isinstance(thickness, Varying):
+            return thickness.at_nodes(self.shape.grid)
+        return np.full(self.nodes, thickness)
 
     def placed_positions(self) -> NDArray[np.float64]:
         """Initial node positions [m], shape (*nodes, 3)."""

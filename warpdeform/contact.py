@@ -9,8 +9,6 @@ from warpdeform.obstacle import FieldConstants, field_constants
 
 LARGEST_GAP = 0.25
 """Gap that is taken where none is given, at most: share of the smallest node spacing of the bodies."""
-FAR = 1e30
-"""Distance of what is not near [m]."""
 USUAL_GAP = 0.002
 """Gap that is taken where none is given, if the spacing allows it [m]."""
 
@@ -61,61 +59,3 @@ class Contact:
         gap = self.gap if self.gap is not None else min(USUAL_GAP, LARGEST_GAP * spacing)
         speed = self.design_speed if self.design_speed is not None else max(1.0, 1.2 * expected_speed)
         return gap, field_constants(speed, gap, math.hypot(*gravity))
-
-
-@dataclass(frozen=True)
-class ContactStep:
-    """What contact reports of one step.
-
-    Attributes:
-        pairs: Pairs that feel each other at its end.
-        lost: Pairs that did not fit into the lists; forces miss them, the guard does not.
-        guard_active: Share of the nodes that the guard pushed, mean over the updates of the step.
-        shortened: Updates that the guard shortened as a whole.
-        smallest_distance: Of skins that feel each other [m]; `FAR` where nothing is near.
-        lag: How far behind their targets pinned nodes are [m].
-    """
-
-    pairs: int
-    lost: int
-    guard_active: float
-    shortened: int
-    smallest_distance: float
-    lag: float
-
-
-@dataclass
-class ContactRecord:
-    """What contact reports of a run.
-
-    Attributes:
-        pairs: Most pairs that feel each other at the end of a step.
-        lost: Pairs that did not fit into the lists, in all.
-        guard_active: Share of the nodes that the guard pushed, mean over all steps.
-        guard_active_most: The same of the worst step.
-        shortened: How often the guard made all of an update shorter.
-        smallest_distance: Smallest distance of skins that feel each other, of any step [m]; None if nothing was near.
-    """
-
-    pairs: int = 0
-    lost: int = 0
-    guard_active: float = 0.0
-    guard_active_most: float = 0.0
-    shortened: int = 0
-    smallest_distance: float | None = None
-    _steps: int = 0
-
-    def as_dict(self) -> dict[str, float | int | None]:
-        """As plain numbers."""
-        return {key: value for key, value in vars(self).items() if key[0] != "_"}
-
-    def add_step(self, step: ContactStep) -> None:
-        """Book one step."""
-        self._steps += 1
-        self.pairs, self.lost = max(self.pairs, step.pairs), self.lost + step.lost
-        self.guard_active += (step.guard_active - self.guard_active) / self._steps
-        self.guard_active_most = max(self.guard_active_most, step.guard_active)
-        self.shortened += step.shortened
-        if step.smallest_distance < FAR:
-            known = step.smallest_distance if self.smallest_distance is None else self.smallest_distance
-            self.smallest_distance = min(known, step.smallest_distance)

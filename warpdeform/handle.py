@@ -8,14 +8,19 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpdeform.body import Body
+from warpdeform.clamps import Clamps
+from warpdeform.forces.curve_elasticity import CurveElasticity
 from warpdeform.forces.drag import Drag
 from warpdeform.forces.force import Force
 from warpdeform.forces.gravity import Gravity
 from warpdeform.forces.obstacle_field import ObstacleField
 from warpdeform.forces.pressure import Pressure
+from warpdeform.forces.solid_coefficients import refuse_inverted
+from warpdeform.forces.solid_elasticity import SolidElasticity
 from warpdeform.forces.springs import Springs
 from warpdeform.forces.surface_elasticity import SurfaceElasticity
 from warpdeform.forces.wind_load import WindLoad
+from warpdeform.measure import exposed_shares
 from warpdeform.model import Model
 from warpdeform.obstacle import Obstacle
 from warpdeform.result import Energy
@@ -29,13 +34,41 @@ Array = NDArray[np.float64]
 
 def _surface(model: Model) -> SurfaceElasticity:
     body, device = model.body, model.device
-    return SurfaceElasticity(model.grid, model.layout, body.shape.positions, body.material, model.real, device)
+    rest, growth = body.shape.positions, body.growth
+    return SurfaceElasticity(model.grid, model.layout, rest, body.material, model.real, device, growth=growth)
 
 
-ELASTICITY: dict[str, Callable[[Model], Force]] = {"surface": _surface}
+def _curve(model: Model) -> CurveElasticity:
+    body, clamps = model.body, Clamps(model.body)
+    return CurveElasticity(
+        model.grid,
+        model.layout,
+        body.shape.positions,
+        body.material,
+        model.real,
+        model.device,
+        section=body.section,
+        natural=None if body.natural is None else body.natural.positions,
+        director=body.director,
+        framed=clamps.twist,
+        start=(model.initial_positions, body.rotation),
+        clamps=clamps,
+    )
+
+
+def _solid(model: Model) -> SolidElasticity:
+    body, rest = model.body, model.body.shape.positions
+    if body.material.inversion_barrier:
+        refuse_inverted(model.grid, rest, model.initial_positions)
+    return SolidElasticity(model.grid, model.layout, rest, body.material, model.real, model.device)
+
+
+ELASTICITY: dict[str, Callable[[Model], Force]] = {
+    "curve": _curve,
+    "surface": _surface,
+    "solid": _solid,
+}
 """The elastic energy of each kind of body."""
-WIND: dict[str, Callable[[State, Wind, float], Force]] = {"surface": WindLoad}
-"""The force of the air on each kind of body, on the shares `Model.area` of what it meets."""
 
 
 class BodyHandle:
@@ -70,8 +103,10 @@ class BodyHandle:
             terms.append(Springs(state, body.springs, model.initial_positions, body.kind))
         if body.drag + body.material.damping > 0:
             terms.append(Drag(state, body.drag + body.material.damping))
-        if wind is not None and body.wind_coefficient > 0 and body.kind in WIND:
-            terms.append(WIND[body.kind](state, wind, body.wind_coefficient))
+        if wind is not None and body.wind_coefficient > 0:
+            faces = exposed_shares(model.grid, body.shape.positions, body.diameter)
+            if faces.any():
+                terms.append(WindLoad(state, wind, body.wind_coefficient, body.kind, faces))
         if body.pressure:
             terms.append(Pressure(state, body.pressure, body.shape.positions))
         if obstacles:
@@ -138,13 +173,15 @@ class BodyHandle:
         elasticity.measure(self.state.x, self.model.zeros(5), b)
         b11, b22, b12 = np.moveaxis(self.model.download(b), -1, 0)
         h1, h2 = grid.spacing
-        inside_u, inside_v = (slice(None) if wraps else slice(1, -1) for wraps in grid.periodic)
+        start, end = (None if pole else cut for pole, cut in zip(grid.poles, (1, -1), strict=True))
+        inside_u, inside_v = (slice(None) if wraps else slice(start, end) for wraps in grid.periodic)
         cells = tuple(slice(count) for count in grid.cells)
         return Curvature(b11[inside_u] / h1**2, b12[cells] / (h1 * h2), b22[:, inside_v] / h2**2)
 
     def max_stretch(self) -> float:
-        """Longest edge over its rest length."""
-        return self.model.max_stretch(self.state.x)
+        """Longest edge over its rest length, which may have grown."""
+        growth = getattr(self.elasticity, "growth", None)
+        return self.model.max_stretch(self.state.x, None if growth is None else growth.node_scales())
 
     def add_energies(self, energy: Energy) -> None:
         """Add this body's energies [J] to `energy`."""

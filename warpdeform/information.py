@@ -30,11 +30,13 @@ class SimulationInfo:
 
     Attributes:
         bodies: One entry per body.
-        preconditioner: Name of the preconditioner.
-        solver_bytes: Memory of operator and preconditioner [bytes].
+        couplings: What acts between bodies.
+        preconditioner: Name of the preconditioner; empty where nothing is solved.
+        solver_bytes: Memory of operator and preconditioner, and of what acts between bodies [bytes].
     """
 
     bodies: tuple[BodyInfo, ...]
+    couplings: tuple[TermInfo, ...]
     preconditioner: str
     solver_bytes: int
 
@@ -52,6 +54,9 @@ class SimulationInfo:
             lines.append(f"{body.name}: {body.kind} {grid}, state {body.bytes / count:.0f} B/node")
             for term in body.terms:
                 lines.append(f"  {term.name}: {term.bytes / count:.0f} B/node; kernels {', '.join(term.kernels)}")
-        lines.append(f"solver: conjugate gradient, {self.preconditioner}, {self.solver_bytes / nodes:.0f} B/node")
+        for coupling in self.couplings:
+            lines.append(f"{coupling.name}: {coupling.bytes / nodes:.0f} B/node; kernels {', '.join(coupling.kernels)}")
+        solver = f"conjugate gradient, {self.preconditioner}" if self.preconditioner else "explicit"
+        lines.append(f"solver: {solver}, {self.solver_bytes / nodes:.0f} B/node")
         lines.append(f"total: {self.bytes_total} bytes, {self.bytes_total / nodes:.0f} B/node")
         return lines

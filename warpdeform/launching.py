@@ -259,8 +259,9 @@ def launch_in_bands(
     for start in range(low, high, rows):
         end = min(start + rows, high)
         first, last = max(start - reach, 0), min(end + reach, layout.lane_dim[0])
-        # The last band lies in its own place, so that beyond it there is the halo.
-        base = first if end == layout.lane_dim[0] else low
+        # The first and the last band lie in their own places, so that beyond them there is the halo; others where
+        # kernels that begin at the first row of nodes find as many rows before theirs.
+        base = first if end == layout.lane_dim[0] or first == 0 else low + reach - 1
         with _rows(_Band(first, last, base)):
             write()
         with _rows(_Band(start, end, base + start - first)):
@@ -295,6 +296,8 @@ def _launch_by_rows(kernel: Any, layout: Layout, dim: Sequence[int], inputs: Seq
         # A kernel that begins at the first row of nodes counts its rows from there.
         skipped = (layout.lane_dim[0] - dim[0]) // 2
         low, high = max(band.low - skipped, 0), min(band.high - skipped, dim[0])
+        if low >= high:
+            return
         base = band.base + low + skipped - band.low
         parts = [_part(each, layout, low, high, base - skipped) for each in inputs]
         wp.launch(kernel, dim=(high - low, *dim[1:]), inputs=parts, device=device)

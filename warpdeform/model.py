@@ -1,6 +1,7 @@
 """What is constant of one body on the device, frozen once built."""
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from warpdeform.body import Body, rotate
 from warpdeform.grid import Layout, ParameterGrid
-from warpdeform.measure import exposed_shares, node_measures
+from warpdeform.measure import node_measures
 from warpdeform.selectors import select_nodes
 
 Array = NDArray[np.float64]
@@ -34,8 +35,6 @@ class Model:
         lengths: Mean rest lengths of the edges along each axis [m]; infinite where nothing connects nodes.
         has_pins: Some nodes are pinned.
         mass: Node masses [kg] on the device, shape (1, rows, columns).
-        area: Node shares of what the outer world meets [m2], shape (1, rows, columns): the area of surfaces, the skin
-            of solids, length times diameter of curves.
         free: 1 at free nodes, 0 at pinned ones and outside, shape (1, rows, columns).
         target: Where pinned nodes are held [m], shape (3, rows, columns); zero elsewhere.
     """
@@ -54,22 +53,19 @@ class Model:
         self.real: Any = wp.float32 if precision == "float32" else wp.float64
         self.lane_width = lane_width or (1 if device.is_cuda else LANE_WIDTHS[precision])
         grid = self.grid = body.shape.grid
-        self.layout = Layout(body.nodes, self.lane_width, grid.periodic)
+        self.layout = Layout(body.nodes, self.lane_width, grid.periodic, grid.poles)
         self.initial_positions = body.placed_positions()
         rest = body.shape.positions
-        self.node_mass = body.density * node_measures(grid, rest)
+        self.node_mass = node_measures(grid, rest, body.density)
         self._rest_lengths = _edge_lengths(grid, rest)
         self.spacing = float(min(length.min() for length in self._rest_lengths))
         lengths = [float(length.mean()) for length in self._rest_lengths]
         self.lengths = (*lengths, *[math.inf] * (len(grid.nodes) - grid.dimension))
-        free = np.ones(body.nodes)
         self._pinned = [(pin, tuple(select_nodes(pin.nodes, body.nodes, body.kind).T)) for pin in body.pins]
-        for _, held in self._pinned:
-            free[held] = 0.0
         self.has_pins = bool(self._pinned)
+        self._let_go = 0
         self.mass = self.upload(self.node_mass)
-        self.area = self.upload(exposed_shares(grid, rest, body.diameter))
-        self.free = self.upload(free)
+        self.free = self.upload(self._free_nodes(0.0))
         self._targets = np.zeros((*body.nodes, 3))
         self.pins_move = any(pin.track is not None and not pin.track.static for pin in body.pins)
         self.target = self.upload(self._pin_targets(0.0))
@@ -86,10 +82,31 @@ class Model:
         """A component array as values per node, shape (*nodes, n), a fresh copy."""
         return self.layout.unpack(array.numpy())
 
-    def place_targets(self, time: float) -> None:
-        """Write where moving pins are at `time` [s]; does nothing for pins that stay."""
+    def place_targets(self, time: float) -> bool:
+        """Write where moving pins are in the step that ends at `time` [s], and which nodes are held in it.
+
+        Returns:
+            Whether other nodes are held than in the step before.
+        """
+        self.move_targets(time)
+        let_go = sum(pin.is_over(time) for pin, _ in self._pinned)
+        changed = let_go != self._let_go
+        if changed:
+            self._let_go = let_go
+            self.free.assign(self.layout.pack(self._free_nodes(time)))
+        return changed
+
+    def move_targets(self, time: float) -> None:
+        """Write where moving pins are at `time` [s], in the middle of a step too; does nothing for pins that stay."""
         if self.pins_move:
             self.target.assign(self.layout.pack(self._pin_targets(time)))
+
+    def _free_nodes(self, time: float) -> Array:
+        free = np.ones(self.body.nodes)
+        for pin, held in self._pinned:
+            if not pin.is_over(time):
+                free[held] = 0.0
+        return free
 
     def _pin_targets(self, time: float) -> Array:
         """Targets of the pinned nodes; a track moves them relative to where they start."""
@@ -108,10 +125,18 @@ class Model:
         node = np.unravel_index(int(np.argmax(away)), away.shape)
         return float(away[node]), tuple(int(k) for k in node)
 
-    def max_stretch(self, positions: wp.array) -> float:
-        """Longest edge over its rest length; positions as a component array (3, rows, columns)."""
-        lengths = _edge_lengths(self.grid, self.download(positions))
-        return float(max(np.max(now / rest) for now, rest in zip(lengths, self._rest_lengths, strict=True)))
+    def max_stretch(self, positions: wp.array, scales: Sequence[Array] | None = None) -> float:
+        """Longest edge over its rest length.
+
+        Args:
+            positions: Component array (3, rows, columns) [m].
+            scales: Factors by which rest lengths have grown along each axis, per node; None if they have not.
+        """
+        lengths, rest_lengths = _edge_lengths(self.grid, self.download(positions)), self._rest_lengths
+        if scales is not None:
+            grown = [self.grid.means(scale, axis) for axis, scale in enumerate(scales)]
+            rest_lengths = [length * scale for length, scale in zip(rest_lengths, grown, strict=True)]
+        return float(max(np.max(now / rest) for now, rest in zip(lengths, rest_lengths, strict=True)))
 
 
 def _edge_lengths(grid: ParameterGrid, positions: Array) -> list[Array]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from warpdeform.errors import InputError, Mistake
 
 PRECISIONS = ("float32", "float64")
+TIME_STEPS = ("auto", "fixed", "adaptive")
 
 
 @dataclass(frozen=True)
@@ -16,6 +17,9 @@ class Settings:
         integrator: Name of a method in :mod:`warpdeform.integrators`.
         fps: Frames per second [1/s].
         substeps: Steps per frame; dt = 1 / (fps * substeps).
+        time_step: "fixed" takes those steps and refuses what is not stable with them; "auto" lets explicit methods take
+            as many more as they need; "adaptive" lets implicit ones take as many as keep to `time_tolerance`.
+        time_tolerance: Largest error of a position in a step, by the method's own estimate [m], with adaptive steps.
         newton_iterations: Newton iterations per step; 0 iterates to `newton_tolerance`.
         newton_tolerance: Largest node update at which Newton has converged, as a fraction of the node spacing.
         cg_tolerance: Drop of the preconditioned residual norm sqrt(r.z) at which conjugate gradient stops.
@@ -30,6 +34,8 @@ class Settings:
     integrator: str = "bdf2"
     fps: float = 60.0
     substeps: int = 1
+    time_step: str = "auto"
+    time_tolerance: float = 1e-4
     newton_iterations: int = 1
     newton_tolerance: float = 1e-4
     cg_tolerance: float = 1e-2
@@ -52,6 +58,8 @@ class Settings:
 
         require("fps", positive(self.fps), "must be a positive number of frames per second", "Use for example 60.")
         require("substeps", self.substeps >= 1, "must be at least 1 step per frame", "Use 1.")
+        require("time_step", self.time_step in TIME_STEPS, "is no choice of steps", f"Use {' or '.join(TIME_STEPS)}.")
+        require("time_tolerance", positive(self.time_tolerance), "must be positive [m]", "Use for example 1e-4.")
         require("newton_iterations", self.newton_iterations >= 0, "must not be negative", "Use 1, or 0 for tolerance.")
         require("newton_tolerance", positive(self.newton_tolerance), "must be positive", "Use for example 1e-4.")
         require("cg_tolerance", 0 < self.cg_tolerance < 1, "must lie between 0 and 1", "Use for example 1e-2.")

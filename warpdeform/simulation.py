@@ -4,23 +4,24 @@ import time as clock
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
 import warp as wp
 
+from warpdeform.attachment import Attachment
 from warpdeform.body import Body
 from warpdeform.contact import Contact
 from warpdeform.device import find_device
 from warpdeform.errors import InputError, Mistake, SimulationFailure
+from warpdeform.forces.coupling import Coupling
+from warpdeform.forces.ties import make_ties
 from warpdeform.handle import BodyHandle
 from warpdeform.information import BodyInfo, SimulationInfo, TermInfo
-from warpdeform.integrators import INTEGRATORS
-from warpdeform.integrators.newton import NewtonSolver
+from warpdeform.integrators import INTEGRATORS, Problem
 from warpdeform.linear import PRECONDITIONERS
 from warpdeform.obstacle import Obstacle
-from warpdeform.result import Energy, Outcome, RunRecord, StepRecord
+from warpdeform.result import REMEDIES, Energy, Outcome, RunRecord, StepRecord, joined
 from warpdeform.settings import Settings
 from warpdeform.team import Team, choose_threads
-from warpdeform.touching import add_contacts, book_contact
+from warpdeform.touching import add_contacts
 from warpdeform.wind import Wind
 
 
@@ -33,6 +34,7 @@ class Simulation:
         bodies: At least one body, with names of their own.
         obstacles: Obstacles that every body meets.
         contacts: Pairs of bodies that feel each other; bodies with `self_contact` need none.
+        attachments: What ties bodies to each other.
         wind: Moving air; None is still air that does not resist either.
         settings: Solver settings.
         lane_width: Nodes per lane group, for tests; None takes what suits the device.
@@ -48,6 +50,7 @@ class Simulation:
         *,
         obstacles: Sequence[Obstacle] = (),
         contacts: Sequence[Contact] = (),
+        attachments: Sequence[Attachment] = (),
         wind: Wind | None = None,
         settings: Settings | None = None,
         lane_width: int | None = None,
@@ -65,12 +68,19 @@ class Simulation:
             BodyHandle(body, self.obstacles, wind, self.settings, self.device, self._iteration, lane_width)
             for body in bodies
         )
-        self.contact = add_contacts(self.bodies, contacts, self.settings)
         states = [handle.state for handle in self.bodies]
         nodes = sum(handle.model.grid.node_count for handle in self.bodies)
         self.threads = choose_threads(self.settings.threads, nodes, self.device) if captured else 1
         terms = [handle.terms for handle in self.bodies]
-        self._solver = NewtonSolver(states, terms, self.settings, self._iteration, self.threads)
+        self.attachments = tuple(attachments)
+        named = {handle.name: handle for handle in self.bodies}
+        soft, rigid = make_ties(
+            self.attachments, {n: h.body for n, h in named.items()}, {n: h.state for n, h in named.items()}
+        )
+        self.contact = add_contacts(self.bodies, contacts, self.settings, rigid)
+        self.couplings: tuple[Coupling, ...] = soft if self.contact is None else (*soft, self.contact)
+        problem = Problem(states, terms, self.settings, self._iteration, self.threads, self.couplings, rigid)
+        self._stepper = self.integrator.stepper(problem)
         self._team = Team(self.threads, self.device)
         self._record = RunRecord(
             nodes=nodes,
@@ -79,8 +89,6 @@ class Simulation:
             integrator=self.integrator.name,
         )
         self._steps = 0
-        self._dt_before: float | None = None
-        self._impact = False
         self._compile()
         self._record.setup_s = clock.perf_counter() - started
 
@@ -112,37 +120,30 @@ class Simulation:
         raise KeyError(f"no body named {name!r}; there are {', '.join(h.name for h in self.bodies)}")
 
     def step(self) -> StepRecord:
-        """Advance by one time step.
+        """Advance by one time step, which the solver may take in several.
 
         Raises:
-            SimulationFailure: The step is not finite; the message names body, time, node and likely cause.
+            SimulationFailure: The step cannot be completed; the message names body, time, node and likely cause. The
+                state is what it was before.
         """
-        started = clock.perf_counter()
-        end = (self._steps + 1) * self.dt
-        self._solver.prepare(self.integrator.stage(self.dt, self._dt_before), end, self.dt, self._impact)
-        if self._team.recorded:
-            self._team.replay()
-        else:
-            self._solver.record()
-        report = self._solver.report()
-        self._record.add_step(report)
-        self._record.wall_s += clock.perf_counter() - started
-        if report.outcome is Outcome.NOT_FINITE or not np.isfinite(report.residual):
-            raise self._failure(end)
-        if self.contact is not None:
-            book_contact(self.contact, self.bodies, self._record, end)
-        self._steps += 1
-        # The step of an impact and the one after it are backward Euler: BDF2 would extrapolate the speed from before.
-        self._dt_before = None if report.impact_ahead or self._impact else self.dt
-        self._impact = report.impact_ahead
-        return report
+        return self._advance(1)
 
     def advance_frame(self) -> None:
-        """Advance by one frame: `settings.substeps` steps."""
-        for _ in range(self.settings.substeps):
-            self.step()
+        """Advance by one frame: `settings.substeps` steps.
+
+        Raises:
+            SimulationFailure: As `step`.
+        """
+        steps = self.settings.substeps
+        together = steps if self._stepper.takes_frames else 1
+        for _ in range(steps // together):
+            self._advance(together)
         for handle in self.bodies:
             self._record.max_stretch = max(self._record.max_stretch, handle.max_stretch())
+
+    def restart(self) -> None:
+        """Say that the state was changed from outside: the next step takes nothing from those before it."""
+        self._stepper.restart()
 
     def reset(self) -> None:
         """Back to the initial state, bit for bit."""
@@ -154,14 +155,29 @@ class Simulation:
             integrator=self._record.integrator,
             setup_s=self._record.setup_s,
         )
-        self._record, self._steps, self._dt_before, self._impact = fresh, 0, None, False
+        self._record, self._steps = fresh, 0
 
     def record(self) -> RunRecord:
         """Statistics up to now, with the energies of the present state."""
         energy = Energy(work_in=self._record.energy.work_in)
         for handle in self.bodies:
             handle.add_energies(energy)
-        return replace(self._record, frames=self.frame + 1, sim_s=self.time, energy=energy)
+        for coupling in self.couplings:
+            kind = coupling.energy_kind
+            setattr(energy, kind, getattr(energy, kind) + coupling.stored_energy())
+        return replace(
+            self._record,
+            frames=self.frame + 1,
+            sim_s=self.time,
+            energy=energy,
+            outcomes=dict(self._record.outcomes),
+            error_estimate=dict(self._record.error_estimate),
+        )
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the method does otherwise than the settings say, as sentences for people."""
+        return self._stepper.notes
 
     def info(self) -> SimulationInfo:
         """Terms, kernels and bytes of every body."""
@@ -169,44 +185,62 @@ class Simulation:
         for handle in self.bodies:
             terms = [TermInfo(term.name, term.kernels, term.bytes()) for term in handle.terms]
             bodies.append(BodyInfo(handle.name, handle.body.kind, handle.nodes, tuple(terms), handle.state.bytes()))
-        solver = self._solver.operator.bytes() + self._solver.preconditioner.bytes()
-        return SimulationInfo(tuple(bodies), self._solver.preconditioner.name, solver)
+        couplings = tuple(TermInfo(each.name, each.kernels, each.bytes()) for each in self.couplings)
+        return SimulationInfo(tuple(bodies), couplings, self._stepper.preconditioner_name, self._stepper.bytes())
+
+    def _advance(self, steps: int) -> StepRecord:
+        """Take so many steps at once."""
+        started = clock.perf_counter()
+        start, end = self.time, (self._steps + steps) * self.dt
+        attempts = self._stepper.advance(start, end, steps, self._replay)
+        for attempt in attempts:
+            self._record.add_step(attempt)
+        self._record.wall_s += clock.perf_counter() - started
+        if not attempts[-1].completed:
+            raise self._failure(attempts[-1])
+        self._steps += steps
+        return joined(attempts)
+
+    def _replay(self, name: str) -> None:
+        """Run what the stepper has recorded under that name."""
+        if self._captured:
+            self._team.replay(name)
+        else:
+            self._recordings[name]()
 
     def _compile(self) -> None:
         """Load every kernel of a step by running one, capture it, and put everything back."""
-        self._solver.prepare(self.integrator.stage(self.dt, None), self.dt, self.dt)
-        self._solver.rehearse()
+        self._recordings = self._stepper.recordings()
+        self._stepper.rehearse()
         if self._captured:
-            self._team.record(self._solver.record)
+            for name, record in self._recordings.items():
+                self._team.record(record, name)
         self._rewind()
+        mistakes = self._stepper.mistakes(self._replay)
+        if mistakes:
+            raise InputError(mistakes)
 
     def _rewind(self) -> None:
         """State, pins, terms and what the solver has learnt as they are at the start."""
-        self._solver.prepare(self.integrator.stage(self.dt, None), 0.0, self.dt)
+        self._stepper.reset()
         for handle in self.bodies:
             handle.state.reset()
             for term in handle.terms:
                 term.reset()
-        self._solver.preconditioner.reset()
+        for coupling in self.couplings:
+            coupling.reset()
 
-    def _failure(self, time: float) -> SimulationFailure:
-        for handle in self.bodies:
-            bad = np.argwhere(~np.isfinite(handle.positions()).all(axis=-1))
-            if len(bad):
-                return SimulationFailure(
-                    body=handle.name,
-                    time=time,
-                    node=tuple(int(k) for k in bad[0]),
-                    cause="the linear solve or a force overflowed, most likely from forces too large for the time step",
-                    remedy="Use more substeps, precision float64, or softer materials and slower obstacles.",
-                )
-        return SimulationFailure(
-            body=self.bodies[0].name,
-            time=time,
-            node=(0, 0),
-            cause="the potential of the step overflowed although every position is finite",
-            remedy="Use precision float64, or check masses, stiffnesses and wind for absurd values.",
-        )
+    def _last_pin(self) -> tuple[int, tuple[int, ...]]:
+        """Body and node of the pin that is farthest behind its target in the last attempt."""
+        lags = [handle.model.pin_lag(handle.state.z) for handle in self.bodies]
+        index = max(range(len(lags)), key=lambda k: lags[k][0])
+        return index, lags[index][1]
+
+    def _failure(self, attempt: StepRecord) -> SimulationFailure:
+        outcome = attempt.outcome
+        index, node = self._last_pin() if outcome is Outcome.BLOCKED else self._stepper.worst_node()
+        cause = f"a step of {attempt.dt:.3g} s could not be completed: {outcome.value[0].lower()}{outcome.value[1:-1]}"
+        return SimulationFailure(self.bodies[index].name, attempt.start, node, cause, REMEDIES[outcome])
 
 
 def _check(bodies: Sequence[Body], settings: Settings) -> None:

@@ -29,34 +29,29 @@ class Team:
         self.threads = threads
         self._gate: wp.array = wp.zeros(GATE, dtype=wp.int32, device=device)
         self._device = device
-        self._graphs: list[Any] = []
+        self._graphs: dict[str, list[Any]] = {}
         self._calls: list[SimpleQueue[Any]] = []
         self._done: SimpleQueue[BaseException | None] = SimpleQueue()
         if threads > 1:
             wait_at(self._gate, 1)  # loads the kernel; a capture may not
 
-    def record(self, step: Callable[[], None]) -> None:
-        """Record a step once for every thread."""
-        self._graphs = []
+    def record(self, step: Callable[[], None], name: str = "step") -> None:
+        """Record a step, or a part of one, once for every thread."""
+        self._graphs[name] = []
         for thread in range(self.threads):
             with as_thread(thread, self.threads, self._gate), wp.ScopedCapture(device=self._device) as capture:
                 step()
                 meet("shared")
-            self._graphs.append(capture.graph)
+            self._graphs[name].append(capture.graph)
 
-    @property
-    def recorded(self) -> bool:
-        """Whether there is something to replay."""
-        return bool(self._graphs)
-
-    def replay(self) -> None:
-        """Run the step; it is over for all threads when this returns."""
-        others = self._graphs[1:]
+    def replay(self, name: str = "step") -> None:
+        """Run what was recorded under that name; it is over for all threads when this returns."""
+        first, *others = self._graphs[name]
         while len(self._calls) < len(others):
             self._start_thread()
         for calls, graph in zip(self._calls, others, strict=False):
             calls.put(graph)
-        wp.capture_launch(self._graphs[0])
+        wp.capture_launch(first)
         failures = [self._done.get() for _ in others]
         for failure in failures:
             if failure is not None:

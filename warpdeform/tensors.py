@@ -36,9 +36,10 @@ class Curvature:
     """Curvature tensor of a surface at its samples [m over parameter units squared].
 
     Attributes:
-        B11: At the nodes that have both u-neighbours: shape (nu - 2, nv), or (nu, nv) where u is periodic.
+        B11: At the nodes that have both u-neighbours: shape (nu - 2, nv), or (nu, nv) where u is periodic. Where u ends
+            at a pole, the nodes beside it have both: one row more for each.
         B12: At the cells, shape (*cells).
-        B22: At the nodes that have both v-neighbours: shape (nu, nv - 2), or (nu, nv) where v is periodic.
+        B22: At the nodes that have both v-neighbours: shape (nu, nv - 2), or (nu, nv) where v is periodic; poles alike.
     """
 
     B11: Array

@@ -1,4 +1,4 @@
-"""From the contacts that users name to the terms of bodies that feel each other."""
+"""From the contacts that users name to what acts between bodies that feel each other."""
 
 from __future__ import annotations
 
@@ -6,17 +6,20 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from warpdeform.contact import Contact, ContactRecord
+from warpdeform.contact import Contact
 from warpdeform.crossings import closest, crossing_pairs
-from warpdeform.errors import InputError, Mistake, SimulationFailure
+from warpdeform.errors import InputError, Mistake
 from warpdeform.forces.contact import ContactSystem, Touching
 from warpdeform.forces.contact_mesh import Surface
 from warpdeform.forces.obstacle_field import ObstacleField
+from warpdeform.forces.ties import RigidTies
 from warpdeform.handle import BodyHandle
-from warpdeform.result import RunRecord
 from warpdeform.settings import Settings
 from warpdeform.simplices import Simplices
+
+Array = NDArray[np.float64]
 
 PRESSED = 1.0
 """Strain whose elastic forces the field is to hold where its design speed is left out."""
@@ -24,24 +27,26 @@ RANGE_OF_SPACING = 0.03
 """Range of a field over the spacing of the nodes, about, for this estimate."""
 LARGEST_THICKNESS = 0.6
 """Thickness over node spacing from which on a node would touch the triangles beside its own, 0.7 spacings away."""
-MOST_LAG = 1e-3
-"""How far behind its path a pin may be held up by contact [m]."""
 FADED = 4.0
 """Ranges beyond the gap at which the field of bodies ends: there it is 0.02 of what it is at the gap."""
 
 
 def add_contacts(
-    handles: Sequence[BodyHandle], contacts: Sequence[Contact], settings: Settings
+    handles: Sequence[BodyHandle],
+    contacts: Sequence[Contact],
+    settings: Settings,
+    rigid: Sequence[RigidTies] = (),
 ) -> ContactSystem | None:
-    """Give bodies that feel each other, or themselves, a term for it.
+    """What acts between bodies that feel each other, or themselves.
 
     Args:
         handles: All bodies of a simulation.
         contacts: Pairs that are named; bodies with `self_contact` are added to them.
         settings: Solver settings.
+        rigid: Nodes that follow others.
 
     Returns:
-        What the terms share; None if nothing feels anything.
+        The coupling; None if nothing feels anything.
 
     Raises:
         InputError: Pairs that are named twice or whose bodies do not exist.
@@ -81,11 +86,11 @@ def add_contacts(
             )
         )
     surfaces = [Surface(h.model.grid, h.rest_positions, h.model.spacing) for h in taking]
-    system = ContactSystem([h.state for h in taking], surfaces, [h.model.node_mass for h in taking], touching)
+    states = [h.state for h in taking]
+    system = ContactSystem(states, surfaces, [h.model.node_mass for h in taking], touching, _movable(taking, rigid))
+    system.guarding.rigid = tuple(ties for ties in rigid if ties.states[0] in states)
     fields = [(h, each) for h in taking for each in h.terms if isinstance(each, ObstacleField)]
     system.guarding.others += [(field, handle.state) for handle, field in fields]
-    for handle, term in zip(taking, system.terms(), strict=True):
-        handle.terms = (*handle.terms, term)
     pushed = any(not obstacle.track.static for _, field in fields for obstacle in field.obstacles)
     if pushed or any(handle.model.pins_move for handle in taking):
         system.targets = tuple(handle.model.target for handle in taking)
@@ -93,32 +98,14 @@ def add_contacts(
     return system
 
 
-def book_contact(system: ContactSystem, handles: Sequence[BodyHandle], record: RunRecord, time: float) -> None:
-    """Book what contact reports of the last step.
-
-    Args:
-        system: What the terms share.
-        handles: All bodies.
-        record: That of the run.
-        time: End of the step [s].
-
-    Raises:
-        SimulationFailure: Pins cannot follow their path, because what is between them leaves no way.
-    """
-    step = system.report()
-    record.contact = record.contact or ContactRecord()
-    record.contact.add_step(step)
-    if step.lag > MOST_LAG:
-        lags = {h.name: h.model.pin_lag(h.state.x) for h in handles if h.model.pins_move}
-        name = max(lags, key=lambda each: lags[each][0], default=handles[0].name)
-        lag, node = lags.get(name, (step.lag, ()))
-        raise SimulationFailure(
-            body=name,
-            time=time,
-            node=node,
-            cause=f"a pin cannot follow its path, {1000.0 * lag:.3g} mm behind: bodies in contact leave it no way",
-            remedy="Use a path that leaves room, softer or thinner bodies, or more substeps.",
-        )
+def _movable(handles: Sequence[BodyHandle], rigid: Sequence[RigidTies]) -> list[Array]:
+    """1 where impulses may push a node, 0 where it is where others lead it."""
+    movable = [np.ones(handle.nodes) for handle in handles]
+    for handle, free in zip(handles, movable, strict=True):
+        for ties in rigid:
+            if ties.states[0] is handle.state:
+                free[tuple(ties.nodes.T)] = 0.0
+    return movable
 
 
 def _check(contact: Contact, names: Sequence[str]) -> bool:
@@ -191,7 +178,7 @@ def _check_start(handles: Sequence[BodyHandle], touching: Sequence[Touching], sy
             f"{place(near.vertices[0])} and {place(near.vertices[1])} overlap at the start, {near.distance:.3g} m apart"
         )
         raise InputError(Mistake("contact", None, problem, "Move them apart, or make them thinner."))
-    system.clear()
+    system.reset()
 
 
 def _press(a: BodyHandle, b: BodyHandle) -> float:

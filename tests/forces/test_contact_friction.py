@@ -94,7 +94,7 @@ def test_what_has_been_stretched_is_kept_for_the_next_step_up_to_the_circle() ->
     assert forces[3:] == pytest.approx([slope / 0.3] * 3, rel=1e-6)
     load = np.abs(s.gradient()[25:, 2].sum())
     assert forces[-1] == pytest.approx(0.4 * load, rel=0.02)  # at borders the pressure is not upright
-    s.system.clear()
+    s.system.reset()
     s.begin([x, y])
     s.linearise([x, y])
     assert abs(s.gradient()[25:, 0].sum()) < 1e-9 * slope

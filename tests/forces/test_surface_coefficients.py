@@ -5,18 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from surfaces import (
-    CASES,
-    GRIDS,
-    MATERIALS,
-    SHAPES,
-    design_energy,
-    existing,
-    mean_edges,
-    membrane_numbers,
-    node_weights,
-    parallelogram,
-)
+from surface_energy import design_energy, existing, mean_edges, membrane_numbers, node_weights
+from surfaces import CASES, GRIDS, MATERIALS, SHAPES, parallelogram
 
 from warpdeform.errors import InputError
 from warpdeform.forces.surface_coefficients import SurfaceStiffness, surface_stiffness
@@ -33,7 +23,8 @@ NUMBERS_FROM_Q = (
 
 
 def stiffness_of(shape: RestShape, material: Material) -> SurfaceStiffness:
-    return surface_stiffness(shape.grid, shape.positions, material.surface())
+    at_cells, at_nodes = material.surface(shape.grid), material.surface(shape.grid, at="nodes")
+    return surface_stiffness(shape.grid, shape.positions, at_cells, at_nodes=at_nodes)
 
 
 def full(stiffness: SurfaceStiffness) -> Array:

@@ -21,6 +21,8 @@ WIDE = [(real, width) for real in REALS for width in WIDTHS[real]]
 OUTPUTS = {
     "mul": 1, "div": 1, "root": 1, "at_least": 1, "splat": 1, "along_u": 1, "dot3": 1, "cross3": 3, "scale": 3,
     "neighbour": 3, "outer": 6, "symmetric": 6, "isotropic": 6, "scale6": 6, "apply6": 3, "inverse6": 6,
+    "larger": 1, "exceeds": 1, "normal3": 3, "read1": 1, "read3": 3, "read6": 6,
+    "above": 1,
 }  # fmt: skip
 """Words in the order in which the kernel stores their results, with their components."""
 
@@ -40,7 +42,11 @@ def words_kernel(width: int, real: Any) -> Any:
     dot3, cross3, scale, scale6, outer = words.dot3, words.cross3, words.scale, words.scale6, words.outer
     symmetric, isotropic, apply6, inverse6 = words.symmetric, words.isotropic, words.apply6, words.inverse6
     along_u, sum_lanes, max_lanes = words.along_u, words.sum_lanes, words.max_lanes
+    larger, exceeds, above, normal3 = words.larger, words.exceeds, words.above, words.normal3
     add1, add3, add6 = words.add1, words.add3, words.add6
+
+    read1, read3, read6, write3 = words.read1, words.read3, words.read6, words.write3
+    vector64 = lanes(width, wp.float64).vector
 
     @wp.kernel(module=kernel_module("words", width, real))
     def use_words(
@@ -72,6 +78,16 @@ def words_kernel(width: int, real: Any) -> Any:
         store6(out, 34, i, j, scale6(s, block))
         store3(out, 40, i, j, apply6(block, v))
         store6(out, 43, i, j, inverse6(block))
+        store1(out, 49, i, j, larger(s, t))
+        store1(out, 50, i, j, exceeds(s, floor))
+        store3(out, 51, i, j, normal3(scale(div(splat(real(1.0)), root(at_least(dot3(v, v), real(1.0e-12)))), v)))
+        once = read1(a, 9, i, j)
+        write3(out, 54, i, j, vector64(once, once, once))
+        write3(out, 55, i, j, read3(a, 3, i, j))
+        wide = read6(a, 11, i, j)
+        write3(out, 58, i, j, vector64(wide[0], wide[1], wide[2]))
+        write3(out, 61, i, j, vector64(wide[3], wide[4], wide[5]))
+        store1(out, 64, i, j, above(s, floor, t, s))
         add1(added_out, 0, i, j, s)
         add3(added_out, 1, i, j, v)
         add6(added_out, 4, i, j, block)
@@ -145,6 +161,9 @@ def test_words_are_what_they_say(real: Any, width: int) -> None:
         "symmetric": np.stack([v[..., 0], w[..., 1], x[..., 2], v[..., 1], v[..., 2], w[..., 2]], -1),
         "isotropic": s[..., None] * [1, 1, 1, 0, 0, 0], "scale6": s[..., None] * block,
         "apply6": np.einsum("...ab,...b->...a", matrix, v), "inverse6": blocks(inverse),
+        "larger": np.maximum(s, t), "exceeds": s > 0.25, "normal3": result.words["normal3"],
+        "read1": s, "read3": w, "read6": block,
+        "above": np.where(s > 0.25, t, s),
     }  # fmt: skip
     epsilon = np.finfo(wp.dtype_to_numpy(real)).eps
     assert set(expected) == set(OUTPUTS)
@@ -153,6 +172,9 @@ def test_words_are_what_they_say(real: Any, width: int) -> None:
         np.testing.assert_allclose(
             result.words[name], values, rtol=condition * epsilon, atol=8 * epsilon * np.abs(values).max(), err_msg=name
         )
+    normal, unit = result.words["normal3"], v / np.linalg.norm(v, axis=-1, keepdims=True)
+    np.testing.assert_allclose(np.sum(normal * normal, -1), 1.0, rtol=8 * epsilon)
+    np.testing.assert_allclose(np.sum(normal * unit, -1), 0.0, atol=8 * epsilon)
     np.testing.assert_allclose(
         result.added, result.before + np.concatenate([s[..., None], v, block], -1), atol=8 * epsilon
     )

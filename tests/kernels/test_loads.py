@@ -1,7 +1,7 @@
 """Kernels of the loads against NumPy, for every lane width and precision, on grids of any size."""
 
 from collections.abc import Callable
-from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,9 +9,9 @@ import pytest
 import warp as wp
 from numpy.typing import NDArray
 
-from warpdeform.forces.surface_coefficients import difference_weights
+from warpdeform.forces.wind_load import difference_weights
 from warpdeform.grid import Layout
-from warpdeform.kernels import loads
+from warpdeform.kernels import loads, wind
 
 NODES = [(2, 2), (3, 5), (17, 33)]
 WIDTHS = {wp.float64: (1, 8), wp.float32: (1, 16)}
@@ -32,14 +32,14 @@ class Inputs:
         self.x = np.stack([u, v, 0.1 * np.sin(3 * u + 5 * v)], axis=-1) + random.normal(0, 0.01, (*nodes, 3))
         self.w = self.x + random.normal(0, 0.01, (*nodes, 3))
         self.z = self.x + random.normal(0, 0.01, (*nodes, 3))
-        self.mass, self.area = random.uniform(0.1, 1.0, (*nodes, 1)), random.uniform(0.1, 1.0, (*nodes, 1))
+        self.mass, self.area = random.uniform(0.1, 1.0, (*nodes, 1)), random.uniform(0.1, 1.0, (*nodes, 3))
         self.before = random.normal(size=(*nodes, 6))
         self.waves = random.normal(size=(5, 6))
         self.phases = random.uniform(-3, 3, 5)
         every = np.argwhere(np.ones(nodes))
         self.places = random.permutation(every)[: max(1, len(every) // 3)]
         self.stiffness, self.points = random.uniform(1, 9, len(self.places)), random.normal(size=(len(self.places), 3))
-        self.facing = random.normal(size=(*nodes, 4))
+        self.facing = random.normal(size=(*nodes, 12))
         for name, value in vars(self).items():
             if isinstance(value, np.ndarray) and name != "places":
                 setattr(self, name, value.astype(self.np).astype(np.float64))
@@ -171,50 +171,67 @@ def iteration(number: int) -> wp.array:
     return wp.array([number], dtype=int, device="cpu")
 
 
+def faced(inp: Inputs, width: int, kind: str, number: int = 2, gusting: bool = False) -> Field:
+    kernel = wind.facing(width, inp.real, kind, gusting).face
+    waves, phases = (inp.waves, inp.phases) if gusting else (np.zeros((0, 6)), np.zeros(0))
+    air = [small(WIND, inp), small(waves, inp), small(phases, inp)]
+    return run(kernel, inp, width, [iteration(number), 3, 1, 1, "z", *slopes(inp, width), *air], -6)
+
+
 def wind_facing(inp: Inputs, width: int) -> tuple[Field, Field]:
-    kernel = loads.wind(width, inp.real).face_stream
-    actual = run(kernel, inp, width, [iteration(2), 3, "z", *slopes(inp, width), small(WIND, inp)], -4)
-    n = normals(inp.z)
-    return actual, np.concatenate([n, (n @ WIND)[..., None]], axis=-1)
+    stream = np.broadcast_to(WIND, inp.z.shape)
+    return faced(inp, width, "surface"), np.concatenate([normals(inp.z), stream], axis=-1)
 
 
-def wind_energy(inp: Inputs, width: int) -> tuple[Field, Field]:
-    q = np.sum(inp.facing[..., :3] * (inp.z - inp.w), axis=-1)
-    expected = C * inp.area[..., 0] * q * (0.5 * INVERSE_TAU * q - inp.facing[..., 3])
-    kernel = loads.wind(width, inp.real).add_energy
-    return energies(inp, width, kernel, ["area", "facing", "w", "z", small([C, INVERSE_TAU], inp)]), expected
-
-
-def wind_gradient(inp: Inputs, width: int) -> tuple[Field, Field]:
-    n = inp.facing[..., :3]
-    slip = inp.facing[..., 3:] - INVERSE_TAU * np.sum(n * (inp.z - inp.w), axis=-1, keepdims=True)
-    kernel = loads.wind(width, inp.real).add_gradient
-    actual = run(kernel, inp, width, ["area", "facing", "w", "z", small([C, INVERSE_TAU], inp)], 3)
-    return actual, inp.before[..., :3] - C * inp.area * slip * n
-
-
-def wind_blocks(inp: Inputs, width: int) -> tuple[Field, Field]:
-    kernel = loads.wind(width, inp.real).add_blocks
-    actual = run(kernel, inp, width, ["area", "facing", small([C, INVERSE_TAU], inp)], 6)
-    return actual, inp.before + C * INVERSE_TAU * inp.area * outer(inp.facing[..., :3])
-
-
-def gust_arguments(inp: Inputs, width: int, number: int = 2) -> list[Any]:
-    faced = [iteration(number), 3, "z", *slopes(inp, width)]
-    return [*faced, small(WIND, inp), small(inp.waves, inp), small(inp.phases, inp)]
+def wind_facing_curves(inp: Inputs, width: int) -> tuple[Field, Field]:
+    tangents = np.gradient(inp.z, axis=0)
+    tangents /= np.linalg.norm(tangents, axis=-1, keepdims=True)
+    return faced(inp, width, "curve"), np.concatenate([tangents, np.broadcast_to(WIND, inp.z.shape)], axis=-1)
 
 
 def gust_facing(inp: Inputs, width: int) -> tuple[Field, Field]:
-    actual = run(loads.gusts(width, inp.real).face_gusts, inp, width, gust_arguments(inp, width), -4)
     stream = WIND + np.cos(2 * np.pi * (inp.z @ inp.waves[:, :3].T + inp.phases)) @ inp.waves[:, 3:]
-    n = normals(inp.z)
-    return actual, np.concatenate([n, np.sum(n * stream, axis=-1, keepdims=True)], axis=-1)
+    return faced(inp, width, "surface", gusting=True), np.concatenate([normals(inp.z), stream], axis=-1)
+
+
+def catching(inp: Inputs, kind: str) -> Field:
+    """What the faces of each node catch of a velocity, times their areas, shape (nu, nv, 3, 3)."""
+    f = inp.facing[..., :-3].reshape(*inp.nodes, -1, 3) if kind == "solid" else inp.facing[..., None, :3]
+    along = f[..., :, None] * f[..., None, :]
+    area = inp.area[..., : f.shape[-2], None, None]
+    return np.asarray((area * (np.eye(3) - along if kind == "curve" else along)).sum(axis=-3))
+
+
+def wind_case(kind: str, what: str) -> "Case":
+    """Energy, gradient or blocks of the force on one kind of body."""
+    components = 3 if kind == "solid" else 1
+
+    def case(inp: Inputs, width: int) -> tuple[Field, Field]:
+        part = vars(inp) | {
+            "area": inp.area[..., :components],
+            "facing": inp.facing[..., -3 * components - 3 :],
+        }
+        inp = SimpleNamespace(**part)  # type: ignore[assignment]
+        M, d, u = catching(inp, kind), inp.z - inp.w, inp.facing[..., -3:]
+        kernels, air = wind.wind(width, inp.real, kind), small([C, INVERSE_TAU], inp)
+        if what == "energy":
+            expected = C * np.einsum("...a,...ab,...b", d, M, 0.5 * INVERSE_TAU * d - u)
+            return energies(inp, width, kernels.add_energy, ["area", "facing", "w", "z", air]), expected
+        if what == "gradient":
+            expected = inp.before[..., :3] + C * np.einsum("...ab,...b", M, INVERSE_TAU * d - u)
+            return run(kernels.add_gradient, inp, width, ["area", "facing", "w", "z", air], 3), expected
+        expected = inp.before + C * INVERSE_TAU * M[..., [0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        return run(kernels.add_blocks, inp, width, ["area", "facing", air], 6), expected
+
+    case.__name__ = f"wind_{kind}_{what}"
+    return case
 
 
 Case = Callable[[Inputs, int], tuple[Field, Field]]
 CASES: list[Case] = [
     gravity_energy, gravity_gradient, drag_energy, drag_gradient, drag_blocks, spring_energy, spring_gradient,
-    spring_blocks, wind_facing, wind_energy, wind_gradient, wind_blocks, gust_facing,
+    spring_blocks, wind_facing, wind_facing_curves, gust_facing,
+    *(wind_case(kind, what) for kind in wind.FACES for what in ("energy", "gradient", "blocks")),
 ]  # fmt: skip
 
 
@@ -248,31 +265,11 @@ def test_against_numpy_and_equal_for_all_widths(case: Case, nodes: tuple[int, in
 @pytest.mark.parametrize("width", [1, 8])
 def test_lagged_quantities_freeze(width: int) -> None:
     inp = Inputs((3, 5), wp.float64)
-    wind, gusts = loads.wind(width, inp.real), loads.gusts(width, inp.real)
-    faced = run(wind.face_stream, inp, width, [iteration(3), 3, "z", *slopes(inp, width), small(WIND, inp)], -4)
-    assert np.isnan(faced).all()
-    assert np.isnan(run(gusts.face_gusts, inp, width, gust_arguments(inp, width, 3), -4)).all()
+    assert np.isnan(faced(inp, width, "surface", 3)).all()
+    assert np.isnan(faced(inp, width, "surface", 3, gusting=True)).all()
 
 
 def test_normal_of_a_sheet_folded_to_a_point_is_finite() -> None:
     inp = Inputs((3, 5), wp.float32)
     inp.z = np.zeros_like(inp.z)
-    faced = run(
-        loads.wind(16, inp.real).face_stream, inp, 16, [iteration(0), 3, "z", *slopes(inp, 16), small(WIND, inp)], -4
-    )
-    np.testing.assert_array_equal(faced, 0.0)
-
-
-@pytest.mark.parametrize("real", [wp.float64, wp.float32], ids=["float64", "float32"])
-def test_compiles_for_cuda_without_a_gpu(real: Any, tmp_path: Path) -> None:
-    makers = [
-        loads.gravity(1, real),
-        loads.drag(1, real),
-        loads.springs(real),
-        loads.wind(1, real),
-        loads.gusts(1, real),
-    ]
-    for kernels in makers:
-        module = next(iter(vars(kernels).values())).module
-        wp.compile_aot_module(module, arch=[75], use_ptx=False, module_dir=tmp_path)
-    assert len(list(tmp_path.rglob("*.cubin"))) == len(makers)
+    np.testing.assert_array_equal(faced(inp, 16, "surface")[..., :3], 0.0)

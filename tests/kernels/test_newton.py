@@ -9,7 +9,9 @@ from surfaces import GRIDS, REALS, WIDTHS
 
 from warpdeform.grid import Layout
 from warpdeform.kernels import newton as entries
-from warpdeform.kernels.newton import decisions, stage
+from warpdeform.kernels.krylov import RZ, SOLVER_SCALARS
+from warpdeform.kernels.newton import decisions
+from warpdeform.kernels.stage import stage
 from warpdeform.result import OUTCOMES, Outcome
 
 Array = np.ndarray[Any, Any]
@@ -59,7 +61,9 @@ class Run:
 
     def outputs(self) -> dict[str, Array]:
         a, b, c, d, g = self.a, self.b, self.c, self.d, self.g
-        accepted = self.launch("accept", self.rate, a, b, c, d, self.poisoned(), self.poisoned())
+        accepted = self.launch("accept", self.rate, a, b, self.poisoned(), self.poisoned())
+        before = self.launch("remember", c, d, self.poisoned(), self.poisoned())
+        reflected = self.launch("reflect", self.rate, self.free, a, b, c)
         return {
             **{
                 f"combine {k}": self.launch("combine", self.weights, k, a, b, c, d, self.poisoned())[-1]
@@ -69,7 +73,10 @@ class Run:
             "difference": self.launch("difference", a, b, self.poisoned())[-1],
             "displace": self.launch("displace", self.scalars, a, b, self.poisoned())[-1],
             "inertial_gradient": self.launch("inertial_gradient", self.mass, self.inertia, a, b, g)[-1],
-            **dict(zip(("x", "v", "x_before", "v_before"), accepted[2:], strict=True)),
+            "place_pins_halfway": self.launch("place_pins_halfway", self.free, a, c, b)[-1],
+            "accelerate": self.launch("accelerate", self.free, self.inertia, a, b, self.poisoned())[-1],
+            **dict(zip(("x", "v", "x_before", "v_before"), (*accepted[2:], *before[2:]), strict=True)),
+            **dict(zip(("x reflected", "v reflected"), reflected[2:], strict=True)),
         }
 
     def energies(self) -> dict[str, Array]:
@@ -90,9 +97,13 @@ def test_fields_are_what_their_kernels_say(nodes: tuple[int, int], real: Any) ->
     run = Run(nodes, real, 1)
     a, b, c, d, g = run.a, run.b, run.c, run.d, run.g
     expected = {
-        **{f"combine {k}": a + w[0] * (a - b) + w[1] * c + w[2] * d for k, w in enumerate(WEIGHTS)},
+        **{f"combine {k}": a + w[0] * (b - a) + w[1] * c + w[2] * d for k, w in enumerate(WEIGHTS)},
         "place_pins": np.where(run.free > 0, b, a),
         "difference": a - b,
+        "place_pins_halfway": np.where(run.free > 0, b, c + 0.5 * (a - c)),
+        "accelerate": INERTIA * run.free * (a - b),
+        "x reflected": 2.0 * a - b,
+        "v reflected": RATE * (a - b) + run.free * (RATE * (a - b) - c),
         "displace": a + LENGTH * b,
         "inertial_gradient": g + INERTIA * run.mass * (a - b),
         "x": a,
@@ -159,8 +170,8 @@ class Decision:
         return int(self.state.numpy()[int(entry)])
 
 
-def control(ulp: float = 1e-15, update: float = 1e-4) -> wp.array:
-    return wp.array([ulp, update], dtype=wp.float64, device="cpu")
+def control(ulp: float = 1e-15, update: float = 1e-4, time: float = np.inf) -> wp.array:
+    return wp.array([ulp, update, time], dtype=wp.float64, device="cpu")
 
 
 @pytest.mark.parametrize(
@@ -217,7 +228,10 @@ def test_search_gives_up_where_it_began() -> None:
 def test_search_begins_at_full_length_and_books_the_linear_solve() -> None:
     decision = Decision(SLOPE=0.5, LENGTH=0.25, state={entries.CG_TOTAL: 10, entries.SEARCH_HALVINGS: 3})
     solve, cap = wp.array([0, 7, 1], dtype=wp.int32, device="cpu"), wp.array([7], dtype=wp.int32, device="cpu")
-    decision.launch("begin_search", solve, cap, decision.scalars, decision.state)
+    left = np.zeros(SOLVER_SCALARS)
+    left[int(RZ)] = 4.0
+    decision.launch("begin_search", wp.array(left, device="cpu"), solve, cap, decision.scalars, decision.state)
+    assert (decision.scalar(entries.UNSOLVED), decision.read(entries.BROKE)) == (2.0, 1)
     assert decision.scalar(entries.LENGTH) == 1.0
     assert decision.scalar(entries.SLOPE) == 0.0  # an ascent counts as level: the search may not follow it upwards
     assert [decision.read(e) for e in (entries.CG_TOTAL, entries.CG_BREAKDOWNS, entries.CG_CAPPED)] == [17, 1, 1]
@@ -234,7 +248,8 @@ def test_search_begins_at_full_length_and_books_the_linear_solve() -> None:
         (5, 100, 1, {"UPDATE": 0.9e-4}, Outcome.CONVERGED),
         (5, 100, 1, {"UPDATE": 1.6e-4, "LENGTH": 0.5}, Outcome.CONVERGED),
         (5, 100, 1, {"UPDATE": 1.0, "SLOPE": -1e-16}, Outcome.ROUND_OFF),
-        (5, 100, 1, {"UPDATE": 1e-9, "LENGTH": 0.0}, Outcome.STALLED),
+        (5, 100, 1, {"UPDATE": 1e-3, "LENGTH": 0.0}, Outcome.STALLED),
+        (5, 100, 1, {"UPDATE": 1e-9, "LENGTH": 0.0}, Outcome.ROUND_OFF),
         (5, 100, 1, {"UPDATE": 1e-9, "LENGTH": 0.0, "SLOPE": -1e-16}, Outcome.ROUND_OFF),
         (100, 100, 1, {"UPDATE": 1.0}, Outcome.CAPPED),
         (100, 100, 1, {"UPDATE": 1e-5}, Outcome.CONVERGED),
@@ -262,10 +277,71 @@ def test_newton_ends_for_the_right_reason(
     assert decision.read(entries.NEWTON_ITERATIONS) == int(iteration.numpy()[0]) == made
 
 
+@pytest.mark.parametrize(("update", "outcome"), [(0.0, Outcome.BROKEN), (0.5, Outcome.FIXED)])
+def test_a_solve_that_breaks_down_at_once_has_done_nothing(update: float, outcome: Outcome) -> None:
+    decision = Decision(state={entries.BROKE: 1}, UPDATE=update, LENGTH=1.0, SLOPE=-update, PHI=1.0)
+    limits, iteration = (wp.array(values, dtype=wp.int32, device="cpu") for values in ([1, 0, 0], [0]))
+    decision.launch("end_iteration", control(), limits, decision.scalars, decision.state, iteration)
+    assert OUTCOMES[decision.read(entries.OUTCOME)] is outcome
+
+
+@pytest.mark.parametrize(
+    ("ended", "scalars", "outcome", "accepted"),
+    [
+        (entries.CONVERGED, {}, Outcome.CONVERGED, True),
+        (entries.ROUND_OFF, {}, Outcome.ROUND_OFF, True),
+        (entries.FIXED, {}, Outcome.FIXED, True),
+        (entries.CAPPED, {}, Outcome.CAPPED, False),
+        (entries.STALLED, {}, Outcome.STALLED, False),
+        (entries.BROKEN, {}, Outcome.BROKEN, False),
+        (entries.CONVERGED, {"ERROR": 1e-3}, Outcome.CONVERGED, True),
+        (entries.CONVERGED, {"ERROR": 1.1e-3}, Outcome.INACCURATE, False),
+        (entries.CAPPED, {"ERROR": 1.1e-3}, Outcome.CAPPED, False),
+        (entries.CONVERGED, {"ERROR": np.nan}, Outcome.NOT_FINITE, False),
+        (entries.FIXED, {"RESIDUAL": np.inf}, Outcome.NOT_FINITE, False),
+    ],
+)
+def test_a_step_counts_if_it_ended_well(
+    ended: Any, scalars: dict[str, float], outcome: Outcome, accepted: bool
+) -> None:
+    decision = Decision(state={entries.OUTCOME: int(ended)}, **scalars)
+    decision.launch("judge_step", control(time=1e-3), decision.scalars, decision.state)
+    assert OUTCOMES[decision.read(entries.OUTCOME)] is outcome
+    assert decision.read(entries.ACCEPTED) == accepted
+
+
+@pytest.mark.parametrize(("ended", "active"), [(entries.CONVERGED, 1), (entries.FIXED, 1), (entries.CAPPED, 0)])
+def test_a_second_stage_follows_only_a_good_one(ended: Any, active: int) -> None:
+    state = {entries.OUTCOME: int(ended), entries.NEWTON_ITERATIONS: 5, entries.NEWTON_TOTAL: 5, entries.CG_TOTAL: 9}
+    decision = Decision(LENGTH=0.25, state=state)
+    decision.launch("begin_stage", decision.scalars, decision.state, wp.array([5], dtype=wp.int32, device="cpu"))
+    assert decision.read(entries.NEWTON_ACTIVE) == active
+    assert [decision.read(e) for e in (entries.NEWTON_ITERATIONS, entries.NEWTON_TOTAL, entries.CG_TOTAL)] == [0, 5, 9]
+    assert decision.scalar(entries.LENGTH) == 1.0
+
+
+def test_works_of_stages_add_up() -> None:
+    decision = Decision(WORK=2.0, TOTAL_WORK=1.0)
+    decision.launch("end_stage", wp.float64(2.0), decision.scalars)
+    assert decision.scalar(entries.TOTAL_WORK) == 5.0
+
+
+@pytest.mark.parametrize(("real", "width"), [(real, width) for real in REALS for width in WIDTHS[real]])
+def test_estimate_is_the_largest_combination_of_velocities(real: Any, width: int) -> None:
+    run = Run((3, 19), real, width)
+    found = run.launch("estimate", run.weights, 1, run.rate, run.free, run.a, run.b, run.c, run.d, run.sums(np.nan))[
+        -1
+    ].max()
+    w = WEIGHTS[1]
+    length = np.linalg.norm(run.free * (w[0] * run.a + w[1] * run.b + w[2] * RATE * (run.c - run.d)), axis=-1)
+    assert found == pytest.approx(length.max(), rel=400 * float(np.finfo(wp.dtype_to_numpy(real)).eps))
+
+
 def test_step_begins_with_a_clean_state() -> None:
-    decision = Decision(LENGTH=0.25, state=dict.fromkeys(range(entries.STEP_STATE), 9))
+    decision = Decision(LENGTH=0.25, TOTAL_WORK=3.0, state=dict.fromkeys(range(entries.STEP_STATE), 9))
     iteration, impact = (wp.array([7], dtype=wp.int32, device="cpu") for _ in range(2))
     decision.launch("begin_step", decision.scalars, decision.state, iteration, impact)
     assert decision.scalar(entries.LENGTH) == 1.0
     assert decision.state.numpy().tolist() == [int(k == entries.NEWTON_ACTIVE) for k in range(entries.STEP_STATE)]
+    assert decision.scalar(entries.TOTAL_WORK) == 0.0
     assert iteration.numpy().tolist() == impact.numpy().tolist() == [0]

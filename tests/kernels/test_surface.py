@@ -8,21 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from surfaces import (
-    GRIDS,
-    REALS,
-    WIDTHS,
-    DiscreteEnergy,
-    bending_numbers,
-    bump,
-    crumpled,
-    existing,
-    membrane_numbers,
-    node_weights,
-    noise,
-)
+from surface_energy import DiscreteEnergy, bending_numbers, existing, membrane_numbers, node_weights
+from surfaces import GRIDS, REALS, WIDTHS, bump, crumpled, noise
 
-from warpdeform.forces.surface_coefficients import difference_weights
+from warpdeform.forces.surface_bending import difference_weights
 from warpdeform.grid import Layout
 from warpdeform.kernels.surface import (
     FLEXURE_COMPONENTS,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 from bodies import CORNERS, REAL_TIME, assert_same_bits, busy, hanging, run
-from surfaces import CLOSED, MATERIALS, SHAPES, noise, stretched
+from surfaces import CLOSED, MATERIALS, POLAR, SHAPES, noise, stretched
 
 from warpdeform.body import Body, Pin
 from warpdeform.forces.force import BodyArrays, Force
@@ -147,6 +147,8 @@ CASES = {
     "tube along u": ((9, 13), "membrane", "tube along u"),
     "torus": ((12, 11), "isotropic", "torus"),
     "screw": ((12, 10), "isotropic", "screw"),
+    "ball": ((12, 9), "isotropic", "ball"),
+    "twisted ball": ((10, 11), "shell", "twisted ball along u"),
 }
 
 
@@ -155,7 +157,7 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_cycle_is_symmetric_and_positive_definite(case: str, lane_width: int, contact: float) -> None:
     nodes, material, kind = CASES[case]
-    shape = sheet(nodes) if kind == "sheet" else (SHAPES | CLOSED)[kind](nodes)
+    shape = sheet(nodes) if kind == "sheet" else (SHAPES | CLOSED | POLAR)[kind](nodes)
     system = System(
         shape, MATERIALS[material], positions=stretched(shape.positions), contact=contact, lane_width=lane_width
     )
@@ -239,6 +241,49 @@ def test_closed_surfaces_take_no_more_iterations(kind: str, nodes: tuple[int, in
             found.append(system.iterations())
     print(f"\n{kind} {nodes}: {found}")
     assert max(found) <= 30
+
+
+@pytest.mark.parametrize(
+    "nodes", [(32, 16), (32, 32), (50, 24), (64, 32), pytest.param((128, 64), marks=pytest.mark.slow)], ids=str
+)
+def test_poles_take_few_more_iterations(nodes: tuple[int, int]) -> None:
+    # Beside a pole cells are 2 pi / n as wide as they are long, n nodes around it.
+    shape, found = POLAR["ball"](nodes), []
+    pins = (Pin([[0, 0], [nodes[0] // 2, 0]]),)
+    for stretching in (1e3, 1e5):
+        for bending in (0.0, 1e-5, 1e-2):
+            system = System(shape, cloth(stretching, bending), pins=pins, positions=dented(shape))
+            found.append(system.iterations())
+    print(f"\nball {nodes}: {found}")
+    assert max(found) <= 30
+
+
+def crease(u: Array, v: Array) -> Array:
+    return np.where(np.abs(u - 0.5) < 0.01, 1.0, 0.0)
+
+
+def hem(u: Array, v: Array) -> Array:
+    return np.where(np.minimum.reduce([u, 1 - u, v, 1 - v]) < 0.03, 1.0, 0.0)
+
+
+def checks(u: Array, v: Array) -> Array:
+    return (np.floor(7 * u) + np.floor(7 * v)) % 2
+
+
+@pytest.mark.parametrize("contrast", [1e2, 1e4])
+@pytest.mark.parametrize(
+    ("pattern", "factor"), [(crease, -1), (crease, 1), (hem, 1), (checks, -1)], ids=["weak", "stiff", "hem", "checks"]
+)
+def test_stiffness_that_varies_is_felt_on_every_grid(pattern: Any, factor: int, contrast: float) -> None:
+    # With the harmonic mean in place of the arithmetic one: up to 253.
+    shape, found = sheet((65, 65)), []
+    for key, even in (("membrane_stiffness", 1e4), ("bending_stiffness", 1e-3)):
+        local = {key: lambda u, v, even=even: even * contrast ** (factor * pattern(u, v))}
+        constants = {"membrane_stiffness": 1e4, "bending_stiffness": 1e-5} | local
+        system = System(shape, Material(areal_density=0.2, poisson_ratio=0.3, **constants), positions=bent(shape))
+        found.append(system.iterations())
+    print(f"\n{pattern.__name__}, contrast {contrast**factor:g}: {found}")
+    assert max(found) <= 40
 
 
 @pytest.mark.parametrize("stretching", [1e2, 1e3, 1e5])
@@ -439,6 +484,6 @@ def test_a_step_allocates_nothing_on_the_device(name: str, monkeypatch: pytest.M
     assert made, "the count does not work"
     made.clear()
     for _ in range(3):
-        simulation._solver.prepare(simulation.integrator.stage(simulation.dt, simulation.dt), 0.1, simulation.dt)
-        simulation._team.replay()
+        simulation._stepper._prepare(0, 0.1, 0.1 + simulation.dt, simulation.dt)
+        simulation._replay("stage 0")
     assert not made

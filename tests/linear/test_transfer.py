@@ -152,3 +152,15 @@ def test_transfers_of_curves_and_solids(grid: ParameterGrid, width: int) -> None
     np.testing.assert_allclose(transfer.gather(a[..., 0]), down[..., 0], atol=1e-12)
     np.testing.assert_allclose(transfer.sample(a), moved(a, "positions", fine_layout, transfer.layout), atol=1e-12)
     np.testing.assert_allclose(moved(np.ones(b.shape), "prolong", transfer.layout, fine_layout), 1.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("periodic", [(False, False), (False, True)])
+def test_means_of_what_varies_keep_constants_and_totals(periodic: tuple[bool, bool]) -> None:
+    transfer, fine = step((9, 12), 1, periodic), ParameterGrid((9, 12), (1.0, 1.0), periodic)
+    matrices = np.broadcast_to(np.arange(9.0).reshape(3, 3), (*fine.cells, 3, 3))
+    np.testing.assert_allclose(transfer.average_cells(matrices)[1, 2], matrices[0, 0], rtol=1e-14)
+    np.testing.assert_allclose(transfer.average_nodes(np.full((9, 12, 2), 3.0)), 3.0, rtol=1e-14)
+    values = np.random.default_rng(0).uniform(size=fine.cells)
+    coarse = transfer.average_cells(values)
+    assert coarse.shape == transfer.coarse.cells
+    assert coarse.mean() == pytest.approx(values.mean(), rel=1e-13)

@@ -35,7 +35,7 @@ class WatchedNodes:
         self.handle = simulation.bodies[0]
         self.nearest, self.touches = np.inf, 0
         self._ways: list[Array] = []
-        solver: Any = simulation._solver
+        solver: Any = simulation._stepper
         step_along = solver._step_along
 
         def watched(vector: str) -> None:

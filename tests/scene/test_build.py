@@ -5,12 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from warpdeform.attachment import Attachment
+from warpdeform.coefficients import SurfaceCoefficients
 from warpdeform.errors import InputError
 from warpdeform.obstacle import SIZES
 from warpdeform.scene import BuiltScene, load_scene, scene_description, scene_names
 from warpdeform.scene.schema import json_schema
 from warpdeform.scene.tracks import quaternion
-from warpdeform.shape import SHAPES
+from warpdeform.shape import SHAPES, sphere
 from warpdeform.track import rotation_matrix
 
 HEAD = '[[body]]\nnodes = [5, 4]\nshape = { kind = "sheet", size = [0.4, 0.3] }\nmaterial = "cotton"\n'
@@ -32,6 +34,48 @@ def test_the_least_scene_has_sensible_defaults(tmp_path: Path) -> None:
     assert scene.bodies[0].name == "body0"
     assert scene.bodies[0].nodes == (5, 4)
     assert scene.bodies[0].material.name == "cotton"
+
+
+def test_materials_may_vary(tmp_path: Path) -> None:
+    (tmp_path / "hem.pgm").write_bytes(b"P2 2 2 255 0 255 0 255")
+    np.save(tmp_path / "bending.npy", np.full((5, 4), 2e-5))
+    material = '{ preset = "cotton", areal_density = { image = "hem.pgm", range = [0.1, 0.3] }, '
+    material += 'bending_stiffness = { array = "bending.npy" }, membrane_stiffness = [1000, { image = "hem.pgm", '
+    material += "range = [500, 900] }] }"
+    body = scene_of(tmp_path, HEAD.replace('"cotton"', material)).bodies[0]
+    assert np.shape(body.density) == (4, 3)
+    np.testing.assert_allclose(np.asarray(body.density)[[0, -1]], [[0.1] * 3, [0.3] * 3])
+    surface = body.material.surface(body.shape.grid, at="nodes")
+    assert isinstance(surface, SurfaceCoefficients)
+    assert surface.bending[2, 2, 0, 0] == 2e-5
+    np.testing.assert_allclose(surface.membrane_modes[1][[0, -1]], [[500] * 4, [900] * 4])
+    (table,) = [table for name, table in json_schema()["$defs"].items() if name == "VaryingTable"]
+    assert set(table["properties"]) == {"image", "array", "range"}
+
+
+def test_files_of_closed_shapes_say_where_their_poles_are(tmp_path: Path) -> None:
+    np.save(tmp_path / "ball.npy", sphere((8, 5)).positions)
+    text = HEAD.replace("[5, 4]", "[8, 5]").replace(
+        '{ kind = "sheet", size = [0.4, 0.3] }',
+        '{ kind = "file", path = "ball.npy", periodic = [true, false], poles = [true, true] }',
+    )
+    assert scene_of(tmp_path, text).bodies[0].shape.poles == (True, True)
+
+
+def test_rest_shapes_may_change(tmp_path: Path) -> None:
+    (tmp_path / "bud.pgm").write_bytes(b"P2 3 3 255 0 0 0 0 255 0 0 0 0")
+    rest = "rest = { times = [0, 2], scale = [[1, 1], [1.2, 0.9]], curvature = [[0, 0], [5, 0]], "
+    growth = scene_of(tmp_path, HEAD + rest + 'where = { image = "bud.pgm" } }\n').bodies[0].growth
+    assert growth is not None
+    scale, curvature = growth.at(1.0, 2, 3)
+    np.testing.assert_allclose(scale, [1.1, 0.95])
+    np.testing.assert_allclose(curvature, [2.5, 0, 0])
+    assert growth.where is not None
+    assert growth.where.values[1, 1] == 1.0
+    assert scene_of(tmp_path, HEAD).bodies[0].growth is None
+    even = scene_of(tmp_path, HEAD + "rest = { times = [0, 2], scale = [1, 0.7] }\n").bodies[0].growth
+    assert even is not None
+    assert even.at(9.0, 2, 3)[0].tolist() == [0.7, 0.7]
 
 
 def test_samples_follow_from_duration_and_rate_or_are_given(tmp_path: Path) -> None:
@@ -169,3 +213,31 @@ def test_the_scene_of_the_design_keeps_its_keys() -> None:
     assert [pin.nodes for pin in body.pins] == ["corner:0,0", "corner:1,0"]
     assert body.material.areal_density == 0.2
     assert body.material.membrane_stiffness == 1000.0
+
+
+def test_attachments_tie_bodies(tmp_path: Path) -> None:
+    half = """
+[[body]]
+name = "{name}"
+nodes = [4, 4]
+shape = {{ kind = "sheet", size = [0.3, 0.3] }}
+material = "cotton"
+position = [{x}, 0.0, 0.0]
+"""
+    ties = """
+[[attachment]]
+body = "right"
+nodes = "edge:u,0"
+to = "left"
+at = "edge:u,1"
+{more}
+"""
+    bodies = half.format(name="left", x=0.0) + half.format(name="right", x=0.3)
+    file = tmp_path / "tied.toml"
+    file.write_text(bodies + ties.format(more=""))
+    scene = load_scene(file)
+    assert scene.attachments == (Attachment("right", "edge:u,0", "left", "edge:u,1"),)
+    file.write_text(bodies + ties.format(more="stiffness = -1.0") + ties.format(more="").replace("left", "middle"))
+    with pytest.raises(InputError) as caught:
+        load_scene(file)
+    assert [mistake.key for mistake in caught.value.mistakes] == ["attachment.0.stiffness", "attachment.1.to"]

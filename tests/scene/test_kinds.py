@@ -4,19 +4,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kinds import limp_kinds
 
-from warpdeform.body import DENSITIES, Body
+from warpdeform.body import Body
 from warpdeform.errors import InputError
 from warpdeform.scene import load_scene
 from warpdeform.shape import helix, line, pipe, strands, torus, tube
 
-__all__ = ["limp_kinds"]
-pytestmark = pytest.mark.usefixtures("limp_kinds")
-
 
 def body_of(folder: Path, text: str) -> Body:
-    (folder / "scene.toml").write_text(f"[[body]]\nmaterial = {{ areal_density = 1.0, eta = 1.0 }}\n{text}")
+    (folder / "scene.toml").write_text(
+        f"[[body]]\nmaterial = {{ areal_density = 1.0, linear_density = 1.0, density = 1.0, eta = 1.0 }}\n{text}"
+    )
     return load_scene(folder / "scene.toml").bodies[0]
 
 
@@ -135,9 +133,3 @@ def test_files_say_what_closes(tmp_path: Path) -> None:
 )
 def test_mistakes_of_all_kinds(tmp_path: Path, text: str, message: str) -> None:
     assert refusal(tmp_path, text).startswith(message)
-
-
-def test_a_kind_that_cannot_be_simulated_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(DENSITIES, "solid")
-    text = 'nodes = [4, 4, 4]\nshape = { kind = "block" }'
-    assert refusal(tmp_path, text).startswith('body.0.kind = "solid": cannot be simulated yet')

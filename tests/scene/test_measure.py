@@ -5,7 +5,7 @@ import pytest
 
 from warpdeform.obstacle import Obstacle
 from warpdeform.scene.checks import Claim
-from warpdeform.scene.measure import asymmetry, depth, samples
+from warpdeform.scene.measure import asymmetry, capsule_gaps, depth, samples
 from warpdeform.track import Track, rotation_to
 
 
@@ -20,10 +20,20 @@ from warpdeform.track import Track, rotation_to
         (Obstacle("cylinder", {"radius": 0.5, "height": 2.0}), (0.1, 0.0, 0.9), 0.1),
         (Obstacle("cylinder", {"radius": 0.5, "height": 2.0}), (0.4, 0.0, 0.0), 0.1),
         (Obstacle("cylinder", {"radius": 0.5, "height": 2.0}), (0.0, 0.0, 1.1), 0.0),
+        (Obstacle("capsule", {"radius": 0.5, "height": 2.0}), (0.0, 0.0, 1.1), 0.4),
+        (Obstacle("capsule", {"radius": 0.5, "height": 2.0}), (0.3, 0.0, -0.7), 0.2),
+        (Obstacle("capsule", {"radius": 0.5, "height": 2.0}), (0.4, 0.0, 1.4), 0.0),
     ],
 )
 def test_depth_in_primitives(obstacle: Obstacle, point: tuple[float, ...], expected: float) -> None:
     assert depth(obstacle, np.array([point]), 0.0) == pytest.approx(expected)
+
+
+def test_gaps_are_those_to_the_nearest_capsule() -> None:
+    across = Track.fixed((0.0, 0.0, 3.0), tuple(rotation_to((1, 0, 0))))
+    arms = [Obstacle("capsule", {"radius": 0.5, "height": 2.0}, track=track) for track in (Track.fixed(), across)]
+    points = np.array([[2.0, 0.0, 0.0], [3.0, 0.0, 3.0], [0.0, 0.0, 2.4], [0.2, 0.0, 0.5]])
+    np.testing.assert_allclose(capsule_gaps(arms, points, 0.0), [1.5, 1.5, 0.1, -0.3], atol=1e-12)
 
 
 def test_depth_in_a_mesh_is_that_in_the_box_it_draws() -> None:

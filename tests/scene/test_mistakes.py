@@ -62,6 +62,8 @@ MISTAKES = [
     ('integrator = "bdf2"', 'integrator = "bdf3"', "solver.integrator", 'is no integrator. Did you mean "bdf2"?'),
     ('integrator = "bdf2"', 'preconditioner = "magic"', "solver.preconditioner", "Use auto or none or jacobi"),
     ('integrator = "bdf2"', 'precision = "double"', "solver.precision", "Use float32 or float64."),
+    ('integrator = "bdf2"', 'time_step = "free"', "solver.time_step", "is no choice of steps. Use auto or fixed or"),
+    ('integrator = "bdf2"', "time_tolerance = 0.0", "solver.time_tolerance", "must be positive [m]"),
     ('integrator = "bdf2"', "substeps = 0", "solver.substeps", "must be at least 1"),
     ('integrator = "bdf2"', "substeps = 1.5", "solver.substeps", "must be a whole number"),
     ('integrator = "bdf2"', "newton_iterations = -1", "solver.newton_iterations", "must not be negative"),
@@ -108,12 +110,78 @@ MISTAKES = [
     ("areal_density = 0.2", "areal_density = 0.0", "body.0.material.areal_density", "Use kg/m2"),
     ("areal_density = 0.2", "areal_density = true", "body.0.material.areal_density", "must be a number. Use kg/m2"),
     ("areal_density = 0.2", "thickness = 0, areal_density = 0.2", "body.0.material.thickness", "Use m,"),
+    (
+        "areal_density = 0.2",
+        'areal_density = { image = "none.pgm" }',
+        "body.0.material.areal_density.image",
+        "does not exist",
+    ),
+    (
+        "areal_density = 0.2",
+        'areal_density = { image = "hem.png" }',
+        "body.0.material.areal_density.image",
+        'has the unknown suffix ".png". Use a grey picture (.pgm) or an array (.npy, .npz, .csv).',
+    ),
+    (
+        "areal_density = 0.2",
+        'areal_density = { image = "millimetres.npy", range = [0.1, 0.3] }',
+        "body.0.material.areal_density.image",
+        "holds values from 0 to 3, which do not lie within 0 to 1",
+    ),
+    (
+        "areal_density = 0.2",
+        'areal_density = { image = "millimetres.npy", range = [0.1] }',
+        "body.0.material.areal_density.range",
+        "must be 2 numbers",
+    ),
+    (
+        "areal_density = 0.2",
+        'areal_density = { image = "hem.pgm", range = [0.0, 0.3] }',
+        "body.0.material.areal_density",
+        "must be positive. Use kg/m2",
+    ),
+    (
+        "areal_density = 0.2",
+        'areal_density = { array = "small.npy" }',
+        "body.0.material.areal_density",
+        "has the shape 2 x 2, which is that of neither nodes nor cells. Give 5 x 4 values",
+    ),
+    (
+        "areal_density = 0.2",
+        'areal_density = { array = "millimetres.npy", range = [0.0, 1.0] }',
+        "body.0.material.areal_density.range",
+        "goes with an image",
+    ),
+    (
+        "areal_density = 0.2",
+        "areal_density = {}",
+        "body.0.material.areal_density",
+        "needs either an image or an array. Use for example",
+    ),
+    (
+        "areal_density = 0.2",
+        'areal_density = { imagge = "hem.pgm" }',
+        "body.0.material.areal_density.imagge",
+        'Did you mean "image"?',
+    ),
+    (
+        "membrane_stiffness = 1000.0",
+        'membrane_stiffness = [1000.0, { image = "none.npy" }], shear_stiffness = 50',
+        "body.0.material.membrane_stiffness.1.image",
+        "does not exist",
+    ),
+    (
+        "poisson_ratio = 0.3",
+        'poisson_ratio = { image = "hem.pgm" }',
+        "body.0.material.poisson_ratio",
+        "must be a number",
+    ),
     ("membrane_stiffness = 1000.0", "eta = [1.0, 2.0]", "body.0.material.eta", "must be a number, or three"),
     (
         "membrane_stiffness = 1000.0, ",
         "",
         "body.0.material.youngs_modulus",
-        "is missing, as are membrane_stiffness and eta",
+        "is missing, as are membrane_stiffness, axial_stiffness and eta",
     ),
     ("areal_density = 0.2", 'preset = "silkk"', "body.0.material", "is not a material preset. Use one of rubber"),
     ("areal_density = 0.2", "areal_densty = 0.2", "body.0.material.areal_densty", 'Did you mean "areal_density"?'),
@@ -153,6 +221,67 @@ MISTAKES = [
     ('pins = ["corner:0,0"]', "drag = -1", "body.0.drag", "not negative"),
     ('pins = ["corner:0,0"]', "wind_coefficient = -1", "body.0.wind_coefficient", "not negative"),
     ('pins = ["corner:0,0"]', "pressure = 5", "body.0.pressure", "needs a surface that encloses something"),
+    ('pins = ["corner:0,0"]', "rest = 0.7", "body.0.rest", "must be a table"),
+    (
+        'pins = ["corner:0,0"]',
+        "rest = { scale = [0.7] }",
+        "body.0.rest.times",
+        "is missing (times of the keyframes [s])",
+    ),
+    (
+        'pins = ["corner:0,0"]',
+        "rest = { times = [0, 1], scale = [0.7] }",
+        "body.0.rest.scale",
+        "has 1 entries for 2 times",
+    ),
+    (
+        'pins = ["corner:0,0"]',
+        "rest = { times = [1, 0], scale = [1, 0.7] }",
+        "body.0.rest.times",
+        "must increase from keyframe to keyframe",
+    ),
+    (
+        'pins = ["corner:0,0"]',
+        "rest = { times = [0, 1], scale = [1, 0] }",
+        "body.0.rest.scale",
+        "must lie between 0.05 and 20",
+    ),
+    (
+        'pins = ["corner:0,0"]',
+        "rest = { times = [0], scale = [[1, 1, 1]] }",
+        "body.0.rest.scale",
+        "has 3 factors for each time, where a surface has 2 axes",
+    ),
+    (
+        'pins = ["corner:0,0"]',
+        "rest = { times = [0], curvature = [[1.0]] }",
+        "body.0.rest.curvature",
+        "has 1 numbers for each time, where a surface has two curvatures and a twist",
+    ),
+    (
+        'pins = ["corner:0,0"]',
+        "rest = { times = [0], curvature = [1.0] }",
+        "body.0.rest.curvature.0",
+        "must be a list of numbers",
+    ),
+    (
+        'pins = ["corner:0,0"]',
+        'rest = { times = [0], where = { array = "small.npy" } }',
+        "body.0.rest.where",
+        "has the shape 2 x 2, which is that of neither nodes nor cells",
+    ),
+    (
+        'pins = ["corner:0,0"]',
+        'rest = { times = [0], where = { image = "millimetres.npy" } }',
+        "body.0.rest.where",
+        "must be shares from 0 to 1",
+    ),
+    (
+        'pins = ["corner:0,0"]',
+        'rest = { times = [0], where = { image = "none.pgm" } }',
+        "body.0.rest.where.image",
+        "does not exist",
+    ),
     ('pins = ["corner:0,0"]', "pressure = inf", "body.0.pressure", "must be finite [Pa]. Use for example 50"),
     ('pins = ["corner:0,0"]', "color = [0, 0, -1]", "body.0.color", "must not be negative"),
     ('pins = ["corner:0,0"]', "roughness = 2", "body.0.roughness", "must lie between 0 and 1"),
@@ -218,6 +347,10 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     nonfinite[2, 3, 1] = np.nan
     np.save(folder / "coincident.npy", coincident)
     np.save(folder / "nonfinite.npy", nonfinite)
+    np.save(folder / "millimetres.npy", [[0.0, 1.0], [2.0, 3.0]])
+    np.save(folder / "small.npy", np.ones((2, 2)))
+    (folder / "hem.pgm").write_bytes(b"P2 2 2 255 0 255 0 0")
+    (folder / "hem.png").write_bytes(b"\x89PNG")
     (folder / "open.usda").write_text(OPEN_MESH)
     (folder / "broken.usda").write_text("#usda 1.0\ndef Mesh {")
     return folder

@@ -12,17 +12,20 @@ from typer.testing import CliRunner
 
 from warpdeform.cli import app
 from warpdeform.scene import Override
+from warpdeform.scene.measure import folds
 from warpdeform.study.bench import kernels as kernel_bench
 from warpdeform.study.bench import scaling as scaling_bench
 from warpdeform.study.bench import step as step_bench
-from warpdeform.study.bench.iterations import bench_iterations, folds
+from warpdeform.study.bench.iterations import bench_iterations
 from warpdeform.study.bench.kernels import bench_kernels
 from warpdeform.study.bench.machine import core_for, describe, one_core, sentence
 from warpdeform.study.bench.passes import PASSES, YARDSTICK, Sheet
+from warpdeform.study.bench.solid_passes import SOLID_PASSES, Block
 from warpdeform.study.bench.start import _COMPILED
 from warpdeform.study.bench.step import SIZES, bench_step
 from warpdeform.study.bench.stream import streams
 from warpdeform.study.bench.table import Target, table, targets_lines, three_digits
+from warpdeform.study.bench.threads import bench_threads
 from warpdeform.study.bench.yardstick import FLUXES, WEIGHTS, yardstick
 
 FEW = [each for each in PASSES if each.name in (YARDSTICK, "membrane flux", "membrane product")]
@@ -115,6 +118,33 @@ def test_streams_go_through_every_entry(width: int, threads: int) -> None:
         np.testing.assert_allclose(out.numpy()[inside], expected[inside], rtol=1e-6)
         assert np.isnan(out.numpy()[:, 0]).all()
         out.fill_(np.nan)
+
+
+def test_kernels_of_solids_are_timed_and_counted() -> None:
+    few = [each for each in SOLID_PASSES if each.name in (YARDSTICK, "boxes product", "gather")]
+    times = bench_kernels([17], repeats=1, solid=True, passes=few)
+    assert [(t.name, t.nodes, t.width) for t in times.passes[:3]] == [
+        (YARDSTICK, 17, 16), ("boxes product", 17, 16), ("gather", 17, 16),
+    ]  # fmt: skip
+    product, gather = (next(t for t in times.passes if t.name == name).traffic for name in ("boxes product", "gather"))
+    assert product is not None
+    assert gather is not None
+    # A node of 17 to a row has nearly two places of the lanes; rows between the planes count too.
+    places = 2 * 16 / 17 * (18 * 17 - 1) / 17**2
+    assert gather.bytes_per_node == pytest.approx(4 * (21 + 2 * 3) * places, rel=0.01)
+    assert product.bytes_per_node == pytest.approx(4 * (3 + 3 + 1 + 6 + 21 + 21 + 2 * 3) * places, rel=0.01)
+    assert "17 x 17 x 17 nodes, float32" in "\n".join(times.lines())
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_passes_of_solids_leave_finite_numbers_in_every_array(precision: str) -> None:
+    block = Block(5, precision, 1, wp.get_device("cpu"))
+    for each in SOLID_PASSES:
+        for _ in range(2):
+            each.launch(block)
+    for values in (block.sum, block.blocks, block.partials, block.chart.flux, block.guarded.hardness):
+        assert np.isfinite(values.numpy()).all()
+        assert np.any(values.numpy())
 
 
 def test_kernels_as_json(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -299,3 +329,11 @@ def test_iterations_are_counted_until_a_sheet_folds() -> None:
     bent = flat.copy()
     bent[2] = bent[1] + [0.0, 0.0, 1.0] * np.ones((3, 1))
     assert folds(bent) == pytest.approx(90.0)
+
+
+def test_threads_are_timed_beside_one() -> None:
+    found = bench_threads((24,), (2,), steps=2, repeats=2)
+    assert [run.threads for run in found.runs] == [1, 2]
+    assert all(run.same and run.fastest_ms > 0 for run in found.runs)
+    assert found.runs[0].gain == 1.0
+    assert any("24 x 24" in line for line in found.lines())

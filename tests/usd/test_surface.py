@@ -9,9 +9,13 @@ import pytest
 from motions import breathing_torus, squashed_ball
 from pxr import Usd, UsdGeom
 
+from warpdeform.body import Body
 from warpdeform.errors import InputError
+from warpdeform.material import Material
+from warpdeform.shape import sphere
 from warpdeform.usd.check import check_stage, schema_errors
-from warpdeform.usd.geometry import enclosed_volume
+from warpdeform.usd.geometry import enclosed_volume, vertex_normals
+from warpdeform.usd.recorder import describe
 from warpdeform.usd.surface import SurfaceMesh
 
 RING = (False, True)
@@ -28,6 +32,12 @@ def backwards(motion: Callable, time: float, nodes: tuple[int, int]) -> tuple[np
     """A motion whose u runs the other way."""
     positions, velocities = motion(time, nodes)
     return positions[::-1], velocities[::-1]
+
+
+def lying(motion: Callable, time: float, nodes: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """A motion with its axes exchanged."""
+    positions, velocities = motion(time, nodes[::-1])
+    return positions.transpose(1, 0, 2), velocities.transpose(1, 0, 2)
 
 
 def mesh_of(path: Path) -> UsdGeom.Mesh:
@@ -49,6 +59,7 @@ CLOSED = {
     "ball": ((12, 16), RING, (True, True), squashed_ball, 4 / 3 * np.pi * 0.3**3),
     "ball of odd rings": ((12, 15), RING, (True, True), squashed_ball, 4 / 3 * np.pi * 0.3**3),
     "can": ((3, 16), RING, (True, True), tube, np.pi * 0.2**2),
+    "ball around u": ((16, 12), (True, False), (True, True), partial(lying, squashed_ball), 4 / 3 * np.pi * 0.3**3),
 }
 
 
@@ -86,6 +97,32 @@ def test_tubes_stay_open_at_their_ends_and_show_both_sides(
     assert mesh.GetDoubleSidedAttr().Get() is True
     assert len(mesh.GetFaceVertexCountsAttr().Get()) == 3 * 8 + 3 * sum(caps)
     assert len(mesh.GetPointsAttr().Get(1)) == 4 * 8
+
+
+def test_caps_around_u_are_those_around_v_with_the_axes_exchanged() -> None:
+    nodes, caps = (12, 7), (True, False)
+    standing, lying_down = (
+        SurfaceMesh("a", nodes[::-1], RING, caps=caps),
+        SurfaceMesh("a", nodes, (True, False), caps=caps),
+    )
+    numbers = np.arange(84).reshape(nodes).T.ravel()
+    # Exchanged axes turn the faces over.
+    expected = {frozenset(numbers[corners].tolist()) for group in standing.faces()[1:] for corners in group}
+    found = {frozenset(corners.tolist()) for group in lying_down.faces()[1:] for corners in group}
+    assert found == expected
+    points = squashed_ball(0.1, nodes[::-1])[0].astype(np.float32)
+    normals = vertex_normals(points, RING, caps)
+    exchanged = vertex_normals(points.transpose(1, 0, 2), (True, False), caps)
+    np.testing.assert_array_equal(exchanged, -normals.transpose(1, 0, 2))
+
+
+def test_simulated_balls_are_closed() -> None:
+    ball = Body("ball", sphere((12, 8), 0.3), Material.preset("rubber"))
+    mesh = describe(ball)
+    assert isinstance(mesh, SurfaceMesh)
+    assert mesh.caps == (True, True)
+    assert mesh.closed
+    assert mesh.outward(ball.shape.positions) is mesh
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -39,7 +39,11 @@ class Result(Protocol):
 @bench.command()
 @ending_well
 def kernels(
-    sizes: Sizes = "64,128,256,512",
+    sizes: Annotated[
+        str | None,
+        typer.Option("--sizes", metavar="N,N,...", help="Nodes along each side; 64 to 512, of blocks 17 to 65."),
+    ] = None,
+    solid: Annotated[bool, typer.Option("--solid", help="Blocks instead of sheets.")] = False,
     precision: Precision = None,
     repeats: Repeats = 30,
     device: BenchDevice = "cpu",
@@ -52,11 +56,12 @@ def kernels(
         from warpdeform.study.bench.kernels import bench_kernels
 
         return bench_kernels(
-            _numbers("--sizes", sizes),
+            _numbers("--sizes", sizes or ("17,33,65" if solid else "64,128,256,512")),
             precision=_checked(precision),
             repeats=repeats,
             device=device,
             core=core,
+            solid=solid,
             said=_say,
         )
 
@@ -93,6 +98,34 @@ def step(
             device=device,
             repeats=repeats,
             core=core,
+            overrides=[parse_override(text) for text in sets or ()],
+            said=_say,
+        )
+
+    _report(run, as_json)
+
+
+@bench.command()
+@ending_well
+def threads(
+    sizes: Annotated[str, typer.Option("--sizes", metavar="N,N,...", help="Nodes along each side.")] = "64,128,256,512",
+    counts: Annotated[str, typer.Option("--threads", metavar="N,N,...", help="Threads beside one.")] = "2",
+    scene: Annotated[str, typer.Option("--scene", help="Name or path of the scene.")] = "hanging",
+    repeats: Repeats = 5,
+    sets: Set = None,
+    as_json: Json = False,
+) -> None:
+    """Time a step shared by threads beside one thread, and compare the results to the bit."""
+
+    def run() -> Result:
+        from warpdeform.scene import parse_override
+        from warpdeform.study.bench.threads import bench_threads
+
+        return bench_threads(
+            _numbers("--sizes", sizes),
+            _numbers("--threads", counts, least=1),
+            scene=scene,
+            repeats=repeats,
             overrides=[parse_override(text) for text in sets or ()],
             said=_say,
         )

@@ -19,7 +19,14 @@ Set = Annotated[
 Frames = Annotated[int | None, typer.Option("--frames", help="Write exactly this many samples.")]
 Fps = Annotated[float | None, typer.Option("--fps", help="Frames per second; the time step follows.")]
 Device = Annotated[str | None, typer.Option("--device", help="auto, cpu, cuda:0, ...")]
-Integrator = Annotated[str | None, typer.Option("--integrator", help="bdf2, implicit-euler, ...")]
+Integrator = Annotated[
+    str | None,
+    typer.Option(
+        "--integrator",
+        help="bdf2, tr-bdf2, sdirk2, implicit-euler, energy-momentum, linear-implicit, verlet, symplectic-euler, "
+        "terzopoulos, terzopoulos-exact.",
+    ),
+]
 Precision = Annotated[str | None, typer.Option("--precision", help="float32 or float64.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Say nothing but errors.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout and nothing else there.")]

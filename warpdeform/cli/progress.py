@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from warpdeform.result import ORDINARY, Outcome
+
 if TYPE_CHECKING:
     from warpdeform.result import RunRecord
     from warpdeform.scene import BuiltScene
@@ -57,8 +59,12 @@ def summary(record: RunRecord) -> list[str]:
         f"{record.newton_iterations} Newton and {record.cg_iterations} CG iterations, "
         f"worst residual {record.max_residual:.3g} N/kg, longest edge {record.max_stretch:.4g} of its rest length",
     ]
-    if record.newton_unconverged or record.retries:
-        lines.append(f"{record.newton_unconverged} steps not converged, {record.retries} repeated with smaller steps")
+    for outcome in Outcome:
+        count = record.outcomes.get(outcome.name.lower(), 0)
+        if count and outcome not in ORDINARY:
+            lines.append(f"{count} of {record.steps + record.retries} steps: {outcome.value}")
+    if record.retries:
+        lines.append(f"{record.retries} steps were repeated with smaller ones")
     if record.output:
         size = Path(record.output).stat().st_size / 1e6
         lines.insert(0, f"wrote {record.output} ({size:.3g} MB)")

@@ -41,7 +41,7 @@ def run(
             scene, sets, frames=frames, fps=fps, device=device, integrator=integrator, precision=precision
         )
         output = out or built.spec.output.file or f"{built.name}.usdc"
-        played = _played(built, output, stop, show=not (quiet or as_json))
+        played = _played(built, output, stop, show=not (quiet or as_json), notes=not quiet)
     if as_json:
         print_json(played.record.as_dict())
     elif not quiet:
@@ -55,13 +55,15 @@ def run(
         raise typer.Exit(INTERRUPTED)
 
 
-def _played(scene: BuiltScene, output: str, stop: Stop, show: bool) -> Played:
+def _played(scene: BuiltScene, output: str, stop: Stop, show: bool, notes: bool) -> Played:
     from warpdeform.errors import InputError, Mistake
     from warpdeform.scene.play import play
 
     with progress_bar(scene, show) as advance:
 
         def on_frame(simulation: Simulation) -> None:
+            if notes and not simulation.frame:
+                complain(simulation.notes)
             stop.patient = True
             advance(simulation.frame + 1)
 

@@ -1,23 +1,25 @@
 """Contact of deformable bodies with themselves and with each other (design 5.2)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warpdeform.contact import ContactStep
 from warpdeform.forces.contact_friction import ContactFriction
 from warpdeform.forces.contact_guard import GUARD_KERNELS, ContactGuard
 from warpdeform.forces.contact_lists import FoundRows, PairList
 from warpdeform.forces.contact_mesh import Surface
 from warpdeform.forces.contact_slots import ContactSlots
-from warpdeform.forces.force import BodyArrays, Force
+from warpdeform.forces.coupling import Coupling
+from warpdeform.forces.force import BodyArrays
 from warpdeform.kernels.contact import FAR, FITTED, LIST_STATE, STALE, contact
 from warpdeform.kernels.contact_impulses import PUSHED, SHORTENED, UPDATES
 from warpdeform.kernels.contact_search import contact_search
 from warpdeform.launching import choose, do_alone
+from warpdeform.result import ContactStep
 
 Array = NDArray[np.float64]
 
@@ -67,36 +69,40 @@ class Touching:
         }  # fmt: skip
 
 
-class ContactSystem:
+class ContactSystem(Coupling):
     """All contact of a scene: one search, one list of pairs and one guard for all bodies.
 
-    Each body has a :class:`Contact` term. What concerns all bodies is launched in the term of the first of them.
-
     Args:
-        bodies: Arrays of the bodies.
+        states: Arrays of the bodies.
         surfaces: What they show.
         masses: Node masses [kg], by the nodes of each body.
         touching: Which of them feel each other.
+        movable: 1 at nodes that the guard may push unless they are pinned, 0 elsewhere, by the nodes of each body;
+            None: at all.
 
     Attributes:
         targets: Where pinned nodes are held [m], of each body; empty where no pins move and no obstacles push.
     """
 
+    name = "contact"
+    guarded = True
+
     def __init__(
         self,
-        bodies: Sequence[BodyArrays],
+        states: Sequence[BodyArrays],
         surfaces: Sequence[Surface],
         masses: Sequence[Array],
         touching: Sequence[Touching],
+        movable: Sequence[Array] | None = None,
     ) -> None:
-        self.bodies, self.touching = tuple(bodies), tuple(touching)
-        self.slots = slots = ContactSlots(bodies, surfaces, _laws(len(bodies), touching))
+        self.states, self.touching = tuple(states), tuple(touching)
+        self.slots = slots = ContactSlots(states, surfaces, _laws(len(states), touching))
         self._search, self._kernels = contact_search(slots.width, slots.real), contact(slots.real)
         nodes = sum(surface.grid.node_count for surface in surfaces)
         self._found = FoundRows(slots.blocks * slots.parts, max(ROW_CAPACITY // slots.parts, 8), slots.device)
         self.list = PairList(self._found, slots.parts, slots.count, int(PAIRS_PER_NODE * nodes), slots.device)
-        free = [body.layout.unpack(body.free.numpy())[..., 0] for body in bodies]
-        inverse = [held / mass for held, mass in zip(free, masses, strict=True)]
+        movable = movable or [np.ones_like(mass) for mass in masses]
+        inverse = [free / mass for free, mass in zip(movable, masses, strict=True)]
         spacing = min(surface.spacing for surface in surfaces)
         self.guarding = ContactGuard(slots, self._found, slots.upload_by_slot(inverse), spacing, nodes)
         self._masses = slots.upload_by_slot(masses)
@@ -112,25 +118,31 @@ class ContactSystem:
         self._energies = slots.zeros(self.list.threads, wp.float64)
         self.friction: ContactFriction | None = None
         if any(each.friction > 0.0 for each in touching):
-            self.friction = ContactFriction(slots, self.list, self._stale, bodies[0].iteration)
+            self.friction = ContactFriction(slots, self.list, self._stale, states[0].iteration)
         self._closest = slots.zeros(1, slots.real)
         self._nodes, self._fitted = nodes, ""
         self.targets: Sequence[wp.array] = ()
-        self.clear()
+        self.reset()
 
-    def terms(self) -> list["Contact"]:
-        """The term of each body."""
-        return [Contact(self, k) for k in range(len(self.bodies))]
+    @property
+    def kernels(self) -> tuple[str, ...]:
+        pairs = ("weigh_pairs", "linearise_pairs", "pair_energies", "add_pair_gradients", "add_pair_blocks")
+        lists = ("fill_pairs", "count_corners", "enter_corners", "sort_entries")
+        return (
+            *(f"boxes.{name}" for name in ("gather", "fit_leaves", "fit_level", "fit_simplices")),
+            "contact_search.find_pairs",
+            *(f"contact_lists.{name}" for name in lists),
+            *(f"contact.{name}" for name in (*pairs, "multiply_pairs", "add_couplings")),
+            *GUARD_KERNELS,
+        )
 
     def bytes(self) -> int:
-        """Device memory [bytes]."""
         held = (self._masses, self._listed, self._moved, self._directions, self._weights, self._shares, self._pushes)
         own = sum(int(array.capacity) for array in (*held, self._pulls, self._diagonal, self._energies))
         own += self.friction.bytes() if self.friction else 0
         return own + self.slots.bytes() + self._found.bytes() + self.list.bytes() + self.guarding.bytes()
 
     def begin(self) -> None:
-        """A step begins."""
         do_alone(self.list.lost.zero_)
         do_alone(lambda: self._closest.fill_(FAR))
         self.guarding.begin()
@@ -139,20 +151,23 @@ class ContactSystem:
         self._fitted = ""
 
     def finish(self) -> None:
-        """The step is accepted where `linearise` was asked for last."""
+        """As told by `Coupling`; `linearise` has been asked for the accepted positions last."""
         if self.friction:
             self.friction.finish(self._shares)
-        if self.targets:
-            self.guarding.measure_lag(self.targets, "x")
 
-    def carry(self, start: str) -> None:
-        """Let pins, and what obstacles push, go from `x` to `start` so that nothing crosses on the way."""
-        self.guarding.find_way("x", start, "direction")
-        self.guard("x", "direction")
-        self.guarding.go_way("x", "direction", start)
+    def judge(self, vector: str, state: wp.array) -> None:
+        """Veto steps in which pins are held up."""
+        if self.targets:
+            self.guarding.judge_lag(self.targets, vector, state)
+
+    def carry(self, origin: str, start: str) -> None:
+        """Let pins, and what obstacles push, go as far as there is a way."""
+        if self.targets:
+            self.guarding.find_way(origin, start, "direction")
+            self.guard(origin, "direction")
+            self.guarding.go_way(origin, "direction", start)
 
     def report(self) -> ContactStep:
-        """What the last step reported (host)."""
         state, (pairs, _, lost) = self.guarding.state.numpy(), self.list.counts.numpy()
         return ContactStep(
             pairs=int(pairs),
@@ -163,8 +178,7 @@ class ContactSystem:
             lag=float(self.guarding.lag.numpy()[0]),
         )
 
-    def clear(self) -> None:
-        """Forget all pairs."""
+    def reset(self) -> None:
         if self.friction:
             self.friction.clear()
         self.list.counts.zero_()
@@ -201,8 +215,9 @@ class ContactSystem:
         entered = (self.list.starts, self.list.entries, self._shares, self._pushes)
         slots.launch(self._kernels.sum_diagonal, slots.count, *entered, self._diagonal)
 
-    def add_energy(self, vector: str, partials: wp.array, halo: int) -> None:
-        """Add the energy [J] of the listed pairs at a vector of all bodies to one entry of `partials`."""
+    def add_energy(self, vector: str) -> None:
+        """Add the energy [J] of the listed pairs to one entry of the first body's `partials`."""
+        first = self.states[0]
 
         def add() -> None:
             slots = self.slots
@@ -210,39 +225,32 @@ class ContactSystem:
             self._on_pairs("pair_energies", slots.scene.laws, self._weights, self._moved, self._energies)
             if self.friction:
                 self.friction.add_energies(self._shares, self._moved, self._energies)
-            slots.launch(self._kernels.add_energies, 1, halo, self._energies, partials)
+            slots.launch(self._kernels.add_energies, 1, first.layout.halo, self._energies, first.partials)
 
         choose(self.list.any, add, None)
 
-    def add_gradient(self, body: int, gradient: wp.array) -> None:
-        """Add the gradient [N] of one body."""
-        inputs = (self.list.starts, self.list.entries, self._shares, self._pushes, gradient)
-        choose(self.list.any, lambda: self.slots.launch_nodes(self._kernels.add_pair_gradients, body, *inputs), None)
+    def add_gradient(self, vector: str, gradient: str) -> None:
+        inputs = (self.list.starts, self.list.entries, self._shares, self._pushes)
+        self._on_nodes("add_pair_gradients", lambda state: (*inputs, getattr(state, gradient)))
 
-    def add_blocks(self, body: int, blocks: wp.array) -> None:
-        """Add the diagonal blocks [N/m] of one body."""
+    def add_node_blocks(self, state: Any, blocks: wp.array) -> None:
         inputs = (self.list.starts, self._diagonal, blocks)
-        choose(self.list.any, lambda: self.slots.launch_nodes(self._kernels.add_pair_blocks, body, *inputs), None)
+        if state in self.states:
+            body = self.states.index(state)
+            kernel = self._kernels.add_pair_blocks
+            choose(self.list.any, lambda: self.slots.launch_nodes(kernel, body, *inputs), None)
 
-    def multiply(self, vector: str) -> None:
-        """Multiply the pairs' blocks with a vector of all bodies."""
-
+    def add_hessian_product(self, direction: str, product: str) -> None:
         def multiply() -> None:
-            self.slots.gather(vector, self._directions)
+            self.slots.gather(direction, self._directions)
             self._on_pairs("multiply_pairs", self._shares, self._pushes, self._directions, self._pulls)
 
         choose(self.list.any, multiply, None)
-
-    def add_couplings(self, body: int, direction: wp.array, product: wp.array) -> None:
-        """Add the product with what couples the nodes of one body to others, after `multiply`."""
-        inputs = (self.list.starts, self.list.entries, self._shares, self._pulls, self._diagonal, direction, product)
-        choose(self.list.any, lambda: self.slots.launch_nodes(self._kernels.add_couplings, body, *inputs), None)
+        inputs = (self.list.starts, self.list.entries, self._shares, self._pulls, self._diagonal)
+        self._on_nodes("add_couplings", lambda s: (*inputs, getattr(s, direction), getattr(s, product)))
 
     def guard(self, position: str, direction: str) -> None:
-        """Change displacements of all bodies so that nothing crosses on the way.
-
-        Where `linearise` was asked for the same vector just before, its boxes may still fit.
-        """
+        """As told by `Coupling`; where `linearise` was asked for the same vector just before, its boxes may fit."""
         if self._fitted == position:
             choose(self._unfitted, None, self.slots.fit)
         else:
@@ -250,79 +258,21 @@ class ContactSystem:
             self.slots.fit()
         self.guarding.guard(position, direction)
 
+    def _on_nodes(self, name: str, inputs: Callable[[BodyArrays], Sequence[Any]]) -> None:
+        """Launch a kernel over the nodes of all bodies, if there are pairs."""
+        kernel = getattr(self._kernels, name)
+
+        def launch() -> None:
+            for body, state in enumerate(self.states):
+                self.slots.launch_nodes(kernel, body, *inputs(state))
+
+        choose(self.list.any, launch, None)
+
     def _on_pairs(self, name: str, *inputs: object) -> None:
         """Launch a kernel over the list."""
         pairs = self.list
         kernel = getattr(self._kernels, name)
         self.slots.launch(kernel, pairs.threads, pairs.threads, pairs.counts, pairs.pairs, *inputs)
-
-
-class Contact(Force):
-    """The contact of one body with itself and others.
-
-    Attributes:
-        system: What it shares with the other bodies.
-    """
-
-    name = "contact"
-
-    def __init__(self, system: ContactSystem, body: int) -> None:
-        self.system, self._body = system, body
-        self._leads, self._ends = body == 0, body == len(system.bodies) - 1
-
-    @property
-    def kernels(self) -> tuple[str, ...]:
-        pairs = ("weigh_pairs", "linearise_pairs", "pair_energies", "add_pair_gradients", "add_pair_blocks")
-        lists = ("fill_pairs", "count_corners", "enter_corners", "sort_entries")
-        return (
-            *(f"boxes.{name}" for name in ("gather", "fit_leaves", "fit_level", "fit_simplices")),
-            "contact_search.find_pairs",
-            *(f"contact_lists.{name}" for name in lists),
-            *(f"contact.{name}" for name in (*pairs, "multiply_pairs", "add_couplings")),
-            *GUARD_KERNELS,
-        )
-
-    def bytes(self) -> int:
-        return self.system.bytes() if self._leads else 0
-
-    def begin(self, body: BodyArrays) -> None:
-        if self._leads:
-            self.system.begin()
-
-    def linearise(self, body: BodyArrays, position: wp.array) -> None:
-        if self._leads:
-            self.system.linearise(_name_of(body, position))
-
-    def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
-        if self._leads:
-            self.system.add_energy(_name_of(body, position), partials, body.layout.halo)
-
-    def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
-        self.system.add_gradient(self._body, gradient)
-
-    def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
-        self.system.add_blocks(self._body, blocks)
-
-    def add_coupling_product(self, body: BodyArrays, direction: wp.array, product: wp.array) -> None:
-        if self._leads:
-            self.system.multiply(_name_of(body, direction))
-        self.system.add_couplings(self._body, direction, product)
-
-    def carry(self, body: BodyArrays, start: wp.array) -> None:
-        if self._ends and self.system.targets:
-            self.system.carry(_name_of(body, start))
-
-    def guard(self, body: BodyArrays, position: wp.array, direction: wp.array) -> None:
-        if self._ends:
-            self.system.guard(_name_of(body, position), _name_of(body, direction))
-
-    def finish(self, body: BodyArrays) -> None:
-        if self._ends:
-            self.system.finish()
-
-    def reset(self) -> None:
-        if self._leads:
-            self.system.clear()
 
 
 def _laws(bodies: int, touching: Sequence[Touching]) -> list[dict[str, float]]:
@@ -332,11 +282,3 @@ def _laws(bodies: int, touching: Sequence[Touching]) -> list[dict[str, float]]:
         a, b = each.bodies
         laws[a * bodies + b] = laws[b * bodies + a] = each.law()
     return laws
-
-
-def _name_of(body: BodyArrays, array: wp.array) -> str:
-    """Which vector of a body an array is: that of the others has the same name."""
-    for name, value in vars(body).items():
-        if value is array:
-            return name
-    raise ValueError("contact needs the vectors of all its bodies: the array is none of the body's own")

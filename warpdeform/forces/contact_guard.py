@@ -8,6 +8,7 @@ import warp as wp
 from warpdeform.forces.contact_lists import FoundRows, PairList
 from warpdeform.forces.contact_slots import ContactSlots
 from warpdeform.forces.force import BodyArrays, Force
+from warpdeform.forces.ties import RigidTies
 from warpdeform.kernels.contact_guard import contact_guard
 from warpdeform.kernels.contact_impulses import ACTIVE, GUARD_STATE, HALVE, LIMITED, contact_impulses
 from warpdeform.launching import choose, do_alone, repeat_while
@@ -18,6 +19,8 @@ ROUNDS = 20
 """How often the guard looks for pairs at risk before it halves what nodes want to go."""
 HALVINGS = 5
 """How often it does so before it shortens what is left."""
+MOST_LAG = 1e-3
+"""How far behind its path a pin may be held up by contact [m]."""
 SWEEPS = 12
 """How often the pairs at risk are given impulses before they are looked for again."""
 
@@ -28,7 +31,7 @@ class ContactGuard:
     Args:
         slots: The bodies in slots.
         found: Where searches leave what they find.
-        inverse_masses: 1 over the mass of each slot [1/kg], 0 where it is held.
+        inverse_masses: 1 over the mass of each slot [1/kg], 0 where it may not be pushed.
         spacing: Smallest distance of neighbours at rest [m].
         nodes: Nodes of all bodies.
 
@@ -37,12 +40,13 @@ class ContactGuard:
             step: updates, nodes that were pushed in them, and how often all of an update was made shorter.
         lag: How far behind their targets pinned nodes are at the end of a step [m], shape (1,).
         others: Terms, with their bodies, whose own guards must hold too.
+        rigid: Nodes that follow others; they are not pushed themselves.
     """
 
     def __init__(
         self, slots: ContactSlots, found: FoundRows, inverse_masses: wp.array, spacing: float, nodes: int
     ) -> None:
-        self._slots, self._found, self._inverse_masses = slots, found, inverse_masses
+        self._slots, self._found, self._unpinned = slots, found, inverse_masses
         self._spacing = slots.real(spacing)
         self._search, self._impulses = contact_guard(slots.width, slots.real), contact_impulses(slots.real)
         self._risks = PairList(found, slots.parts, slots.count, int(RISKS_PER_NODE * nodes), slots.device)
@@ -50,17 +54,21 @@ class ContactGuard:
         self._walls = slots.zeros(self._risks.capacity, self._impulses.Wall)
         self._amounts = slots.zeros(self._risks.capacity, self._impulses.Amounts)
         self._pushed = slots.zeros(slots.count, wp.int32)
+        self._inverse_masses = slots.zeros(slots.count, slots.real)
         self._stirred = slots.zeros(slots.blocks, wp.int32)
         self.state, self._share = slots.zeros(GUARD_STATE, wp.int32), slots.zeros(1, slots.real)
         self._active, self._halve, self._limited = (self.state[k : k + 1] for k in (ACTIVE, HALVE, LIMITED))
         self.lag = slots.zeros(1, slots.real)
         self.others: list[tuple[Force, BodyArrays]] = []
+        self.rigid: Sequence[RigidTies] = ()
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
         arrays = (
             self._directions,
             self._drifts,
+            self._inverse_masses,
+            self._unpinned,
             self._walls,
             self._amounts,
             self._pushed,
@@ -71,9 +79,11 @@ class ContactGuard:
         return sum(int(a.capacity) for a in arrays) + self._risks.bytes()
 
     def begin(self) -> None:
-        """A step begins: nothing has been cut yet."""
+        """A step begins: nothing has been cut yet; pins are where they are in this step."""
         do_alone(self.state.zero_)
-        do_alone(self.lag.zero_)
+        for k, body in enumerate(self._slots.bodies):
+            inputs = (body.free, self._unpinned, self._inverse_masses)
+            self._slots.launch_nodes(self._impulses.hold_pinned, k, *inputs)
 
     def find_way(self, position: str, goal: str, direction: str) -> None:
         """direction = goal - position."""
@@ -87,11 +97,19 @@ class ContactGuard:
             vectors = (getattr(body, name) for name in (position, direction, goal))
             self._slots.launch_nodes(self._impulses.go_way, k, *vectors)
 
-    def measure_lag(self, targets: Sequence[wp.array], position: str) -> None:
-        """Note how far behind their targets pinned nodes are."""
+    def judge_lag(self, targets: Sequence[wp.array], position: str, state: wp.array) -> None:
+        """Measure how far behind their targets pinned nodes are, and veto a step where that is too far.
+
+        Args:
+            targets: Where pinned nodes of each body should be [m].
+            position: Name of the vector of where they are.
+            state: int32 entries of :mod:`warpdeform.kernels.newton`.
+        """
+        do_alone(self.lag.zero_)
         for k, (body, target) in enumerate(zip(self._slots.bodies, targets, strict=True)):
             inputs = (body.mass, body.free, target, getattr(body, position), self.lag)
             self._slots.launch_nodes(self._impulses.measure_lag, k, *inputs)
+        self._slots.launch(self._impulses.judge_lag, 1, self._slots.real(MOST_LAG), self.lag, state)
 
     def guard(self, position: str, direction: str) -> None:
         """Change displacements of all bodies; the boxes of the slots are around `position`.
@@ -126,6 +144,8 @@ class ContactGuard:
         choose(self._halve, lambda: self._start_again(direction), lambda: self._give_impulses(direction))
         for term, body in self.others:
             term.guard(body, getattr(body, position), getattr(body, direction))
+        for ties in self.rigid:
+            ties.spread(direction)
 
     def _start_again(self, direction: str) -> None:
         """With half of what nodes wanted to go."""

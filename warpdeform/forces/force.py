@@ -32,14 +32,14 @@ class BodyArrays(GridArrays, Protocol):
 
     x: wp.array
     """Accepted position at the start of the step [m], shape (3, rows, columns)."""
-    w: wp.array
-    """Base of the stage velocity (z - w) / tau [m], shape (3, rows, columns)."""
-    area: wp.array
-    """Node shares of the rest area [m2], trapezoid weights, shape (1, rows, columns)."""
     iteration: wp.array
     """Newton iteration of this step, int32, shape (1,)."""
     partials: wp.array
     """Partial sums per node or lane group, float64, shape (rows, columns)."""
+
+    @property
+    def w(self) -> wp.array:
+        """Base of the stage velocity (z - w) / tau [m], shape (3, rows, columns)."""
 
 
 class Coarsening(Protocol):
@@ -56,6 +56,12 @@ class Coarsening(Protocol):
     def sample(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Values at the nodes, shape (nu, nv, n), at the coarse nodes (host)."""
 
+    def average_cells(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values at the cells, shape (*cells, ...), averaged over the coarse cells (host)."""
+
+    def average_nodes(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values at the nodes, shape (*nodes, ...), averaged around the coarse nodes (host)."""
+
 
 class GridTerm(Protocol):
     """What the linear solver asks of a term that couples nodes, on whatever grid; told in :class:`Force`."""
@@ -63,6 +69,7 @@ class GridTerm(Protocol):
     sample_nodes: int
     gathering: Gathering | None
     fluxes: RowStruct
+    angled: bool
 
     def bytes(self) -> int: ...
 
@@ -76,6 +83,8 @@ class GridTerm(Protocol):
 
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None: ...
 
+    def write_band(self, body: GridArrays, band: wp.array) -> None: ...
+
 
 class CoarseTerm(GridTerm, Protocol):
     """A term on a coarse grid: what a body has on its own grid only is not there to linearise it with."""
@@ -88,10 +97,6 @@ class Force:
 
     Every method but `prepare` and `bytes` only launches kernels, so that a step can be captured as one graph: no
     allocation, no read of a device array, no decision on the host. Terms override what they have; the rest is empty.
-
-    A word is asked of the terms of all bodies, in their order, before what it changes is used: so a term that several
-    bodies share does its work when the first of them, or the last, is asked. The vectors that it is given are the
-    bodies' own, so that those of the other bodies are known by their names.
     """
 
     name: ClassVar[str] = "force"
@@ -103,6 +108,20 @@ class Force:
     """How the Hessian product is gathered from fluxes: of the one term of a body that makes it hold together."""
     fluxes: RowStruct
     """What is gathered from."""
+    force_gathering: Gathering | None = None
+    """How the force that `write_force` has written is gathered; None: there are only `linearise` and `add_gradient`."""
+    force_fluxes: RowStruct
+    """What that is gathered from."""
+    uniform: wp.array | None = None
+    """The acceleration that the term gives every node [m/s2], shape (3,), if that is all it does."""
+    quadratic: bool = False
+    """Strains are quadratic in the positions, and `linearise_mean` takes their means (elastic terms)."""
+    most_rate: float = 0.0
+    """Largest eigenvalue that the node block per mass may come to between two looks at it [1/s2]; 0: as it is found."""
+    most_steps: int = 1 << 30
+    """Explicit steps that may share one `prepare`: few where parameters change with time."""
+    angled: bool = False
+    """The Hessian has the angles of segments eliminated: the direct solve along strands takes them as unknowns."""
     energy_kind: ClassVar[str] = "field"
     """Where reports book the energy: "elastic", "gravity", "field"; "" where none is stored (friction, wind)."""
 
@@ -131,6 +150,13 @@ class Force:
     def linearise(self, body: BodyArrays, position: wp.array) -> None:
         """Store at a Newton iterate what gradient, Hessian product and blocks need."""
 
+    def linearise_mean(self, body: BodyArrays, position: wp.array, start: wp.array) -> None:
+        """As `linearise`, in the middle of a step from `start`, with the mean of the strains at its ends (`quadratic`).
+
+        With them the work of the force over the step is exactly what the energy changes by.
+        """
+        raise NotImplementedError
+
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
         """Add the energy [J] to `partials` (float64, [rows, columns]), each thread at its own node's entry."""
 
@@ -143,6 +169,10 @@ class Force:
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the derivative of the energy by the position [N]; valid after `linearise` at the same position."""
 
+    def write_force(self, body: BodyArrays, position: wp.array) -> None:
+        """Write what the gradient at `position` is gathered from; no need for what only a Hessian needs."""
+        self.linearise(body, position)
+
     def write_fluxes(self, body: GridArrays, direction: wp.array) -> None:
         """Write the fluxes of the projected Hessian times `direction` (terms with a `gathering`)."""
 
@@ -152,11 +182,19 @@ class Force:
     def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
         """Add the 3 x 3 diagonal blocks of the projected Hessian [N/m], shape (6, rows, columns) (elastic terms)."""
 
+    def add_majorant(self, body: BodyArrays, blocks: wp.array) -> None:
+        """Add node blocks B with p'H p <= p'B p, H the projected Hessian of the last `linearise` (elastic terms)."""
+        for _ in range(self.sample_nodes):
+            self.add_block_diagonal(body, blocks)
+
+    def write_band(self, body: GridArrays, band: wp.array) -> None:
+        """Write the projected Hessian as the band of each strand [N/m], free nodes only (elastic terms of curves).
+
+        Float64 whatever the precision of the body; laid out as :mod:`warpdeform.kernels.strand_words` tells.
+        """
+
     def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
         """Add the whole Hessian of a node-wise term, one symmetric block per node [N/m], shape (6, rows, columns)."""
-
-    def add_coupling_product(self, body: BodyArrays, direction: wp.array, product: wp.array) -> None:
-        """Add the Hessian times `direction` without its diagonal blocks [N] (terms that couple nodes of any bodies)."""
 
     def carry(self, body: BodyArrays, start: wp.array) -> None:
         """Move `start` out of the way of obstacles that would jump over it during the step."""
@@ -169,6 +207,12 @@ class Force:
 
     def finish(self, body: BodyArrays) -> None:
         """The step is accepted: store what the next one starts from (friction anchors)."""
+
+    def keep(self, body: BodyArrays) -> None:
+        """Keep what earlier steps have stored for `restore`: explicit steps are judged many at a time."""
+
+    def restore(self, body: BodyArrays) -> None:
+        """Go back to what `keep` has kept."""
 
     def reset(self) -> None:
         """Forget what earlier steps have stored, as at the start of a run."""

@@ -25,6 +25,7 @@ class Gravity(Force):
         """Make the term for a body under `acceleration` [m/s2]."""
         self.acceleration = tuple(acceleration)
         self._g = Parameters(self.acceleration, body.real, body.device)
+        self.uniform = self._g.array
         self._kernels = gravity(body.lane_width, body.real)
 
     @property

@@ -2,6 +2,7 @@
 
 import weakref
 from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,9 @@ from numpy.typing import NDArray
 
 from warpdeform.forces.force import LAGGED_ITERATIONS, BodyArrays, Force
 from warpdeform.kernels.distance import KINDS, MEMORY, distances
-from warpdeform.kernels.fields import LAGGED, fields
+from warpdeform.kernels.fields import LAGGED, STICK, fields
 from warpdeform.kernels.guard import guards
-from warpdeform.launching import launch_nodes
+from warpdeform.launching import do_alone, launch_nodes
 from warpdeform.obstacle import Obstacle
 from warpdeform.track import multiply, rotation_matrix, to_rotation_vector
 
@@ -61,6 +62,11 @@ class ObstacleField(Force):
         self._has_mesh = any(each.kind == "mesh" for each in self.obstacles)
         self._has_friction = any(each.friction > 0.0 for each in self.obstacles)
         self._moving = not all(each.track.static for each in self.obstacles)
+        self.most_steps = 1 if self._moving else self.most_steps
+        self.most_rate = max(
+            constants.design_speed**2 / (2.0 * constants.range) * max(1.0 / constants.range, each.friction / STICK)
+            for each, constants in zip(self.obstacles, self.constants, strict=True)
+        )
         self._geometry = distances(real, self._has_mesh)
         self._kernels = fields(real, self._has_mesh, self._has_friction)
         self._guards = guards(real, self._has_mesh)
@@ -141,6 +147,18 @@ class ObstacleField(Force):
         if self._has_friction:
             inputs = [body.layout.halo, body.mass, body.x, self._start, self._records, self._poses]
             self._launch(body, self._kernels.finish_friction, inputs, [self._lagged])
+
+    def keep(self, body: BodyArrays) -> None:
+        if self._has_friction:
+            do_alone(lambda: self._kept.assign(self._lagged))
+
+    def restore(self, body: BodyArrays) -> None:
+        if self._has_friction:
+            do_alone(lambda: self._lagged.assign(self._kept))
+
+    @cached_property
+    def _kept(self) -> wp.array:
+        return wp.zeros_like(self._lagged)
 
     def _launch(self, body: BodyArrays, kernel: Any, inputs: list[Any], outputs: list[Any]) -> None:
         launch_nodes(kernel, body.layout, *inputs, *outputs, device=body.device)

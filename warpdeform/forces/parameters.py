@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 
 class Parameters:
@@ -22,12 +22,23 @@ class Parameters:
         self._host = np.array(values, dtype=wp.dtype_to_numpy(real))
         self.array: wp.array = wp.array(self._host, dtype=real, device=device)
 
-    def write(self, values: ArrayLike) -> None:
-        """Set the values, of the shape given at first; does nothing if they are what the array holds."""
+    @property
+    def values(self) -> NDArray[Any]:
+        """What the array holds, on the host."""
+        return self._host.copy()
+
+    def write(self, values: ArrayLike) -> bool:
+        """Set the values, of the shape given at first; does nothing if they are what the array holds.
+
+        Returns:
+            Whether they were others.
+        """
         new = np.asarray(values, dtype=self._host.dtype)
-        if not np.array_equal(new, self._host):
+        changed = not np.array_equal(new, self._host)
+        if changed:
             self._host[...] = new
             self.array.assign(self._host)
+        return changed
 
     def bytes(self) -> int:
         """Device memory [bytes]."""

@@ -22,7 +22,6 @@ class Springs(Force):
 
     Attributes:
         places: Row and column of each sprung node in component arrays, int32, shape (n, 2).
-        stiffness: Stiffness at each sprung node [N/m], shape (n,).
     """
 
     name = "springs"
@@ -52,11 +51,11 @@ class Springs(Force):
             for spec, pairs in zip(self._specs, selected, strict=True)
         ]
         self._moving = any(spec.track is not None and not spec.track.static for spec in self._specs)
-        self._stiffness = np.zeros(len(nodes))
-        for spec, rows in zip(self._specs, self._rows, strict=True):
-            np.add.at(self._stiffness, rows, spec.stiffness)
+        self._moving |= any(spec.until is not None for spec in self._specs)
+        self.most_steps = 8 if self._moving else self.most_steps
+        self._count = len(nodes)
         self.places: wp.array = wp.array(body.layout.places(nodes), dtype=int, device=body.device)
-        self.stiffness: wp.array = wp.array(self._stiffness, dtype=body.real, device=body.device)
+        self._strengths = Parameters(self.strengths(0.0), body.real, body.device)
         self._points = Parameters(self.points(0.0), body.real, body.device)
         self._kernels = springs(body.real)
 
@@ -65,27 +64,40 @@ class Springs(Force):
         return ("springs.add_energy", "springs.add_gradient", "springs.add_blocks")
 
     def bytes(self) -> int:
-        return int(self.places.capacity) + int(self.stiffness.capacity) + self._points.bytes()
+        return int(self.places.capacity) + self._strengths.bytes() + self._points.bytes()
+
+    @property
+    def stiffness(self) -> wp.array:
+        """Stiffness at each sprung node [N/m], shape (n,)."""
+        return self._strengths.array
+
+    def strengths(self, time: float) -> NDArray[np.float64]:
+        """Stiffness at each sprung node in the step that ends at `time` [s]: [N/m], shape (n,)."""
+        total = np.zeros(self._count)
+        for spec, rows in zip(self._specs, self._rows, strict=True):
+            np.add.at(total, rows, _strength(spec, time))
+        return total
 
     def points(self, time: float) -> NDArray[np.float64]:
         """The points of the sprung nodes at `time` [s]: [m], shape (n, 3)."""
-        total = np.zeros((len(self._stiffness), 3))
+        total, strengths = np.zeros((self._count, 3)), self.strengths(time)
         for spec, rows, rest in zip(self._specs, self._rows, self._rest, strict=True):
             points = rest
             if spec.track is not None:
                 position, rotation = spec.track.pose(time)
                 points = position + rotate(tuple(rotation), rest)
-            np.add.at(total, rows, spec.stiffness * points)
-        return total / self._stiffness[:, None]
+            np.add.at(total, rows, _strength(spec, time) * points)
+        return total / np.where(strengths > 0.0, strengths, 1.0)[:, None]
 
     def prepare(self, time: float, dt: float, tau: float) -> None:
         if self._moving:
             self._points.write(self.points(time))
+            self._strengths.write(self.strengths(time))
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
         launch_alone(
             self._kernels.add_energy,
-            len(self._stiffness),
+            self._count,
             self.places,
             self.stiffness,
             self._points.array,
@@ -98,7 +110,7 @@ class Springs(Force):
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         launch_alone(
             self._kernels.add_gradient,
-            len(self._stiffness),
+            self._count,
             self.places,
             self.stiffness,
             self._points.array,
@@ -108,12 +120,15 @@ class Springs(Force):
         )
 
     def add_node_blocks(self, body: BodyArrays, blocks: wp.array) -> None:
-        launch_alone(
-            self._kernels.add_blocks, len(self._stiffness), self.places, self.stiffness, blocks, device=body.device
-        )
+        launch_alone(self._kernels.add_blocks, self._count, self.places, self.stiffness, blocks, device=body.device)
 
     def stored_energy(self, body: BodyArrays, position: wp.array) -> float:
         """Energy sum (k/2) |z - p|^2 of the springs [J], in float64 on the host: for reports, between steps."""
         rows, columns = self.places.numpy().T
         stretch = position.numpy()[:, rows, columns].T.astype(np.float64) - self._points.array.numpy()
-        return 0.5 * float(np.sum(self._stiffness[:, None] * stretch**2))
+        return 0.5 * float(np.sum(self.stiffness.numpy()[:, None] * stretch**2))
+
+
+def _strength(spec: Spring, time: float) -> float:
+    """Stiffness of a spring in the step that ends at `time` [N/m]."""
+    return 0.0 if spec.is_over(time) else spec.stiffness

@@ -20,6 +20,7 @@ class ConjugateGradient:
     on the way, where r.P r < 0 or where it is on trial, and the solve starts afresh from where it has come to.
 
     Attributes:
+        scalars: float64 (ALPHA, BETA, RZ and so on) of :mod:`warpdeform.kernels.krylov`.
         state: int32 (ACTIVE, ITERATIONS, BREAKDOWN) of :mod:`warpdeform.kernels.krylov`.
         cap: Largest number of iterations, int32, shape (1,).
         tolerance: Relative drop of sqrt(r.z) at which to stop, float64, shape (1,).
@@ -36,7 +37,7 @@ class ConjugateGradient:
         device = operator.states[0].device
         self.operator, self.preconditioner, self._sums = operator, preconditioner, sums
         self._device = device
-        self._scalars: wp.array = wp.zeros(entries.SOLVER_SCALARS, dtype=wp.float64, device=device)
+        self.scalars: wp.array = wp.zeros(entries.SOLVER_SCALARS, dtype=wp.float64, device=device)
         self.state: wp.array = wp.zeros(entries.SOLVER_STATE, dtype=wp.int32, device=device)
         self._active = self.state[entries.ACTIVE : entries.ACTIVE + 1]
         self._retreat = self.state[entries.RETREAT : entries.RETREAT + 1]
@@ -53,34 +54,36 @@ class ConjugateGradient:
         self._precondition()
         for state in self.operator.states:
             self._lanes(state, "copy", state.conditioned, state.search)
-        self._scalar("cg_start", self._scalars, self.state)
+        self._scalar("cg_start", self.scalars, self.state)
         repeat_while(self._active, self._iterate)
         self.preconditioner.learn(self.state)
 
     def _iterate(self) -> None:
         self.operator.product()
         self._sums.gather_dots()
-        self._scalar("cg_step", self._scalars, self.state)
+        self._scalar("cg_step", self.scalars, self.state)
         for state in self.operator.states:
-            self._lanes(state, "advance", self._scalars, state.search, state.product, state.direction, state.residual)
+            self._lanes(state, "advance", self.scalars, state.search, state.product, state.direction, state.residual)
         self._precondition()
-        self._scalar("cg_turn", self.tolerance, self.cap, self._scalars, self.state)
+        self._scalar("cg_turn", self.tolerance, self.cap, self.scalars, self.state)
         for state in self.operator.states:
-            self._lanes(state, "turn", self._scalars, state.conditioned, state.search)
+            self._lanes(state, "turn", self.scalars, state.conditioned, state.search)
 
     def _precondition(self) -> None:
         """conditioned = P residual, by another P where r.P r is negative or P was on trial for long enough."""
         self.preconditioner.apply()
+        self.operator.spread("conditioned")
         self._sums.gather_dots()
         if self.preconditioner.retreats:
-            self._scalar("judge_preconditioner", self._scalars, self.state)
+            self._scalar("judge_preconditioner", self.scalars, self.state)
             repeat_while(self._retreat, self._precondition_again)
 
     def _precondition_again(self) -> None:
         self.preconditioner.retreat(self.state)
         self.preconditioner.apply()
+        self.operator.spread("conditioned")
         self._sums.gather_dots()
-        self._scalar("judge_preconditioner", self._scalars, self.state)
+        self._scalar("judge_preconditioner", self.scalars, self.state)
 
     def _lanes(self, state: State, name: str, *inputs: wp.array) -> None:
         kernel = getattr(krylov(state.lane_width, state.real), name)

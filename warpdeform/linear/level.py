@@ -14,6 +14,7 @@ from warpdeform.launching import Whole, choose, launch_lanes
 from warpdeform.linear.coarsest import DenseInverse
 from warpdeform.linear.operator import GridOperator
 from warpdeform.linear.smoother import LONG, SHORT, Smoother, rates_of
+from warpdeform.linear.strands import StrandInverse
 from warpdeform.linear.transfer import Transfer
 
 COARSEST_NODES = 12
@@ -21,8 +22,8 @@ COARSEST_NODES = 12
 
 
 @dataclass
-class CoarseBody:
-    """What there is of a body on a coarse grid; attributes as in :class:`~warpdeform.forces.force.GridArrays`."""
+class GridBody:
+    """What there is of a body on a grid; attributes as in :class:`~warpdeform.forces.force.GridArrays`."""
 
     layout: Layout
     real: Any
@@ -58,6 +59,10 @@ class Level:
         vectors: The arrays that the cycle writes.
         stiff: Node-wise terms or pins leave the coarse grid something to feel.
         caution: Which rates the smoother takes (:mod:`warpdeform.kernels.multigrid`), int32, shape (3,).
+
+    Attributes:
+        coarse: The next coarser grid; None where there is none.
+        strands: The direct solve that curves have in place of all this; None for surfaces and solids.
     """
 
     def __init__(
@@ -75,6 +80,10 @@ class Level:
         self._body, self._operator, self._stiff = body, operator, stiff
         self.position, self.solution = vectors.position, vectors.solution
         self._kernels = multigrid(body.lane_width, body.real)
+        self.coarse: Level | None = None
+        self.strands = StrandInverse(operator) if grid.dimension == 1 else None
+        if self.strands is not None:
+            return
 
         def zeros(components: int) -> wp.array:
             shape = (components, body.layout.rows, body.layout.columns)
@@ -87,7 +96,6 @@ class Level:
         self.inverse = zeros(6)
         self._elastic = zeros(6) if operator.blocks is not None else self.inverse
         self._coarsest: DenseInverse | None = None
-        self.coarse: Level | None = None
         coarser = grid.coarser(lengths) if grid.node_count > COARSEST_NODES else None
         if coarser is None:
             self._coarsest = DenseInverse(operator)
@@ -111,7 +119,7 @@ class Level:
 
         coarse_mass = transfer.gather(mass)
         free = upload(np.ones(layout.nodes))
-        arrays = CoarseBody(layout, body.real, body.lane_width, body.device, upload(coarse_mass), free)
+        arrays = GridBody(layout, body.real, body.lane_width, body.device, upload(coarse_mass), free)
         terms = [coarse for _, coarse in self._pairs]
         operator = GridOperator(arrays, self._operator.inertia, zeros(6) if self._stiff else None, terms)
         coarse_lengths = tuple(length * grown for length, grown in zip(lengths, growth, strict=True))
@@ -120,6 +128,8 @@ class Level:
 
     def bytes(self) -> int:
         """Device memory of this level and the coarser ones that nothing else counts [bytes]."""
+        if self.strands is not None:
+            return self.strands.bytes()
         own = self._stiffening.capacity + self.inverse.capacity
         if self._elastic is not self.inverse:
             own += self._elastic.capacity
@@ -133,6 +143,9 @@ class Level:
 
     def update_blocks(self) -> None:
         """Rebuild D^-1, and what a coarser grid feels of contact and pins, from terms linearised at `position`."""
+        if self.strands is not None:
+            self.strands.update()
+            return
         body, operator = self._body, self._operator
         operator.start_blocks(self._elastic)
         operator.add_elastic_diagonal(self._elastic)
@@ -148,6 +161,8 @@ class Level:
 
     def update_coarse(self) -> None:
         """Rebuild the coarser grids, or the inverse where there are none; follows `update_blocks`."""
+        if self.strands is not None:
+            return
         if self._coarsest is not None:
             self._coarsest.update(self._change)
             return
@@ -177,6 +192,9 @@ class Level:
 
     def cycle(self, residual: wp.array) -> None:
         """One V-cycle from zero: `solution` becomes an approximation of A^-1 residual, shape (3, rows, columns)."""
+        if self.strands is not None:
+            self.strands.apply(residual, self.solution)
+            return
         if self._coarsest is not None:
             self._coarsest.apply(residual, self.solution)
             return

@@ -73,9 +73,13 @@ class Multigrid(Preconditioner):
             own.launch("dot", state.residual, state.conditioned, state.dots)
 
     def apply_blocks(self) -> None:
-        """conditioned = D^-1 residual."""
+        """conditioned = D^-1 residual; of curves A^-1 residual, which costs no more."""
         for state, own, level in zip(self.operator.states, self.operator.grids, self.levels, strict=True):
-            own.launch("apply_blocks", state.free, level.inverse, state.residual, state.conditioned, state.dots)
+            if level.strands is not None:
+                level.cycle(state.residual)
+                own.launch("dot", state.residual, state.conditioned, state.dots)
+            else:
+                own.launch("apply_blocks", state.free, level.inverse, state.residual, state.conditioned, state.dots)
 
     def bytes(self) -> int:
         """Device memory [bytes]."""

@@ -5,15 +5,61 @@ from typing import Any
 
 import warp as wp
 
-from warpdeform.forces.force import Force, GridArrays, GridTerm
+from warpdeform.forces.coupling import Coupling
+from warpdeform.forces.force import Coarsening, CoarseTerm, Force, GridArrays, GridTerm
 from warpdeform.forces.parameters import Parameters
+from warpdeform.forces.ties import RigidTies
 from warpdeform.kernels.krylov import krylov
-from warpdeform.kernels.products import products
-from warpdeform.launching import launch_in_bands, launch_lanes
+from warpdeform.kernels.products import Gathering, products
+from warpdeform.launching import RowStruct, launch_in_bands, launch_lanes
 from warpdeform.state import State
 
 Terms = Sequence[Sequence[Force]]
 """The terms of each body."""
+
+
+class Hanging:
+    """What hangs rigidly on a body: its diagonal blocks, and nothing of the product, which ties find on their own.
+
+    Args:
+        ties: The ties.
+        follower: A of the body whose nodes follow.
+    """
+
+    sample_nodes = 0
+    gathering: Gathering | None = None
+    angled = False
+
+    def __init__(self, ties: RigidTies, follower: "GridOperator") -> None:
+        body = follower.body
+        self._ties, self._follower = ties, follower
+        shape = (6, body.layout.rows, body.layout.columns)
+        self._blocks: wp.array = wp.zeros(shape, dtype=body.real, device=body.device)
+        self.fluxes = RowStruct(None, {})
+
+    def bytes(self) -> int:
+        """Device memory [bytes]."""
+        return int(self._blocks.capacity)
+
+    def coarser(self, transfer: Coarsening) -> None:
+        """Coarse grids do without it."""
+
+    def coarsen(self, transfer: Coarsening, coarse: CoarseTerm) -> None:
+        """Nothing to carry."""
+
+    def write_fluxes(self, body: GridArrays, direction: wp.array) -> None:
+        """It has none."""
+
+    def write_band(self, body: GridArrays, band: wp.array) -> None:
+        """It has none."""
+
+    def add_hessian_product(self, body: GridArrays, direction: wp.array, product: wp.array) -> None:
+        """Nothing: the product of the follower is gathered."""
+
+    def add_block_diagonal(self, body: GridArrays, blocks: wp.array) -> None:
+        """Add the blocks of the nodes that follow."""
+        self._follower.write_diagonal(self._blocks)
+        self._ties.hang(self._blocks, blocks)
 
 
 class GridOperator:
@@ -48,13 +94,13 @@ class GridOperator:
             inputs: Arguments of the kernel after those that the operator knows.
         """
         first, body = self.terms[0], self.body
-        own = (first.fluxes, body.mass if self.blocks is None else self.blocks, self.inertia)
+        own = (body.layout.first_row, first.fluxes, body.mass if self.blocks is None else self.blocks, self.inertia)
         kernel = getattr(self._kernels, name)
         launch_in_bands(
             body.layout,
             [first.fluxes.arrays[buffer] for buffer in first.fluxes.buffers],
             lambda: first.write_fluxes(body, p),
-            lambda: launch_lanes(kernel, body.layout, *own, *inputs, device=body.device),
+            lambda: launch_lanes(kernel, body.layout, *own, *inputs, device=body.device, inner=True),
             body.device,
         )
 
@@ -89,19 +135,32 @@ class LinearOperator:
     Args:
         states: The bodies.
         terms: The terms of each body.
+        couplings: What acts between bodies.
+        rigid: Nodes that follow others.
 
     Attributes:
         grids: A of each body.
     """
 
-    def __init__(self, states: Sequence[State], terms: Terms) -> None:
-        self.states, self.terms = tuple(states), terms
+    def __init__(
+        self,
+        states: Sequence[State],
+        terms: Terms,
+        couplings: Sequence[Coupling] = (),
+        rigid: Sequence[RigidTies] = (),
+    ) -> None:
+        self.states, self.terms, self.couplings, self.rigid = tuple(states), terms, tuple(couplings), tuple(rigid)
+        coupled = [state for coupling in couplings for state in coupling.states]
         self._inertia = {state.real: Parameters([1.0], state.real, state.device) for state in states}
         self.grids: list[GridOperator] = []
         for state, own in zip(states, terms, strict=True):
-            blocks = state.model.zeros(6) if any(_has_blocks(term) for term in own) else None
+            needed = state in coupled or any(_has_blocks(term) for term in own)
+            blocks = state.model.zeros(6) if needed else None
             elastic = [term for term in own if term.elastic]
             self.grids.append(GridOperator(state, self.inertia(state), blocks, elastic))
+        for ties in self.rigid:
+            follower, followed = (self.grids[self.states.index(state)] for state in ties.states)
+            followed.terms = (*followed.terms, Hanging(ties, follower))
 
     def inertia(self, state: State) -> wp.array:
         """1 / tau^2 [1/s2] on the device, shape (1,)."""
@@ -114,7 +173,8 @@ class LinearOperator:
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
-        return sum(grid.blocks.capacity for grid in self.grids if grid.blocks is not None)
+        blocks = sum(grid.blocks.capacity for grid in self.grids if grid.blocks is not None)
+        return int(blocks + sum(ties.bytes() for ties in self.rigid) + sum(each.bytes() for each in self.couplings))
 
     def update(self) -> None:
         """Collect the node blocks after the terms were linearised."""
@@ -123,16 +183,28 @@ class LinearOperator:
                 grid.start_blocks(grid.blocks)
                 for term in own:
                     term.add_node_blocks(state, grid.blocks)
+                for coupling in self.couplings:
+                    coupling.add_node_blocks(state, grid.blocks)
 
     def product(self) -> None:
         """product = free A search, and the partial sums of search.product into `State.dots`."""
         for state, grid in zip(self.states, self.grids, strict=True):
             grid.product(state.search, state.product)
-        for state, own in zip(self.states, self.terms, strict=True):
-            for term in own:
-                term.add_coupling_product(state, state.search, state.product)
+        for coupling in self.couplings:
+            coupling.add_hessian_product("search", "product")
         for state, grid in zip(self.states, self.grids, strict=True):
             grid.launch("mask_dot", state.free, state.search, state.product, state.dots)
+        self.gather("product")
+
+    def gather(self, vector: str) -> None:
+        """Hand what a vector of the states has at nodes that follow to those that they follow."""
+        for ties in self.rigid:
+            ties.gather(vector)
+
+    def spread(self, vector: str) -> None:
+        """Give nodes that follow their value of a vector of the states."""
+        for ties in self.rigid:
+            ties.spread(vector)
 
 
 def _has_blocks(term: Force) -> bool:

@@ -18,8 +18,13 @@ MULTIGRID_FROM = 800
 
 
 def choose_preconditioner(name: str, operator: LinearOperator) -> Preconditioner:
-    """The preconditioner of that name; "auto" is block-Jacobi for small bodies and the cheapest for others."""
+    """The preconditioner of that name; "auto" is block-Jacobi for small bodies and the cheapest for others.
+
+    Curves are solved directly, as a multigrid of one grid: among them alone there is nothing to choose.
+    """
     if name == "auto":
-        nodes = max(state.model.grid.node_count for state in operator.states)
-        name = Cheapest.name if nodes >= MULTIGRID_FROM else BlockJacobi.name
+        grids = [state.model.grid for state in operator.states]
+        curves = [grid.dimension == 1 for grid in grids]
+        large = max(grid.node_count for grid in grids) >= MULTIGRID_FROM
+        name = Multigrid.name if all(curves) else Cheapest.name if large or any(curves) else BlockJacobi.name
     return PRECONDITIONERS[name](operator)

@@ -72,7 +72,7 @@ class Transfer:
 
     def __init__(self, fine: ParameterGrid, fine_layout: Layout, coarse: ParameterGrid, real: Any, device: Any) -> None:
         self.coarse, self._real, self._device = coarse, real, device
-        self.layout = Layout(coarse.nodes, fine_layout.lane_width, coarse.periodic)
+        self.layout = Layout(coarse.nodes, fine_layout.lane_width, coarse.periodic, coarse.poles)
         wraps = [p or axis >= fine.dimension for axis, p in enumerate(fine.periodic)]
         steps = list(zip(fine.cells, coarse.cells, wraps, strict=True))
         self.growth = tuple(f / c for f, c, _ in steps)
@@ -81,15 +81,26 @@ class Transfer:
         self.prolong = self._tables(self._prolong, self.layout, fine_layout)
         self.restrict = self._tables([weights.T for weights in self._prolong], fine_layout, self.layout)
         self.positions = self._tables(self._positions, fine_layout, self.layout)
-        self.cells = self._tables([_averages(f, c) for f, c, _ in steps], fine_layout, self.layout)
+        self._averages = [_averages(f, c) for f, c, _ in steps]
+        self.cells = self._tables(self._averages, fine_layout, self.layout)
 
     def sample(self, values: Array) -> Array:
         """Values at the fine nodes, shape (*nodes, n), interpolated at the coarse nodes (host)."""
         return _along_axes(self._positions, values)
 
     def gather(self, values: Array) -> Array:
-        """Fine values, shape (*nodes), shared among the coarse nodes by the transpose of the interpolation (host)."""
+        """Fine values, shape (*nodes, ...), shared among the coarse nodes by the interpolation transposed (host)."""
         return _along_axes([weights.T for weights in self._prolong], values)
+
+    def average_cells(self, values: Array) -> Array:
+        """Values at the fine cells, shape (*cells, ...), averaged over the coarse cells (host)."""
+        return _along_axes(self._averages, values)
+
+    def average_nodes(self, values: Array) -> Array:
+        """Values at the fine nodes, shape (*nodes, ...), averaged around the coarse nodes (host)."""
+        ones = np.ones(values.shape[: len(self._prolong)])
+        weights = self.gather(ones)
+        return self.gather(values) / weights.reshape(*weights.shape, *[1] * (values.ndim - weights.ndim))
 
     def bytes(self) -> int:
         """Device memory [bytes]."""

@@ -10,12 +10,15 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from warpdeform.body import DENSITIES, Body, Pin, Spring, rotate
+from warpdeform.body import Body, Pin, Spring, rotate
+from warpdeform.growth import Growth
 from warpdeform.material import Material
 from warpdeform.scene.collect import Collector, look
 from warpdeform.scene.keys import Path, closest
-from warpdeform.scene.schema import BodyTable, PinTable, SpringTable, StrandsTable
+from warpdeform.scene.kinds import VaryingTable
+from warpdeform.scene.schema import BodyTable, PinTable, RestTable, SectionTable, SpringTable, StrandsTable
 from warpdeform.scene.tracks import held_track, quaternion
+from warpdeform.section import Section
 from warpdeform.selectors import select_nodes
 from warpdeform.shape import (
     KINDS,
@@ -32,6 +35,7 @@ from warpdeform.shape import (
     sheet,
     strands,
 )  # fmt: skip
+from warpdeform.varying import Varying
 
 MOST_NODES = 4096 * 4096
 _STAND_INS: dict[str, RestShape] = {"curve": line((2,)), "surface": sheet((2, 2)), "solid": block((2, 2, 2))}
@@ -55,15 +59,22 @@ def make_body(table: BodyTable, index: int, collector: Collector) -> Body | None
         "pressure": table.pressure,
         "self_contact": table.self_contact,
         "contact_thickness": table.contact_thickness,
+        "growth": _growth(table.rest, (*at, "rest"), collector) if table.rest else None,
         **look(table, at, collector),
     }
+    if table.section is not None:
+        arguments["section"] = _section(table.section, (*at, "section"), collector)
+    if table.natural is not None and kind == "curve":
+        arguments["natural"] = _shape(table, kind, at, collector, "natural")
+    if table.director is not None:
+        arguments["director"] = tuple(table.director)
     if shape is not None:
         start = rotate(arguments["rotation"], shape.positions) + np.asarray(table.position)
         arguments["pins"] = _held(table.pins, (*at, "pins"), shape.kind, start, _pin, collector)
         arguments["springs"] = _held(table.springs, (*at, "springs"), shape.kind, start, _spring, collector)
-    if kind not in DENSITIES or (material is None and kind != "surface"):
+    if material is None and kind != "surface":
         return None
-    with collector.at(at):
+    with collector.at(at, {"growth": (*at, "rest")}):
         body = Body(shape=shape or _STAND_INS[kind], material=material or Material.preset("cotton"), **arguments)
         return body if shape and material else None
     return None
@@ -82,29 +93,80 @@ def _kind(table: BodyTable, at: Path, collector: Collector) -> str:
         remedy = f"Use {of_shape}, or one of the shapes {', '.join(SHAPES_BY_KIND[kind])}."
         collector.refuse((*at, "kind"), kind, problem, remedy)
         return of_shape
-    if kind not in DENSITIES:
-        problem, known = "cannot be simulated yet", ", ".join(DENSITIES)
-        collector.refuse((*at, "kind"), kind, problem, f"Use one of: {known}.")
     return kind
 
 
 def _material(table: BodyTable, at: Path, collector: Collector) -> Material | None:
     at = (*at, "material")
-    given = {key: _tuple(value) for key, value in table.material.given().items() if value is not None}
+    given = {
+        key: local
+        for key, value in table.material.given().items()
+        if value is not None and (local := _local(value, (*at, key), collector)) is not None
+    }
     preset = given.pop("preset", None)
     with collector.at(at, {"material": at}):
         return Material(**given) if preset is None else replace(Material.preset(preset), **given)
     return None
 
 
-def _shape(table: BodyTable, kind: str, at: Path, collector: Collector) -> RestShape | None:
-    """The rest shape; None also where examples stand in for what was refused."""
+def _section(table: SectionTable, at: Path, collector: Collector) -> Section | None:
+    given = {key: value for key, value in table.model_dump().items() if value is not None}
+    with collector.at(at):
+        if given.keys() == {"radius"}:
+            return Section.circular(**given)
+        if given.keys() == {"width", "height"}:
+            return Section.rectangular(**given)
+        remedy = "Use for example { radius = 0.002 } or { width = 0.01, height = 0.002 }."
+        collector.refuse(at, dict(given), "must be a radius, or width and height", remedy)
+    return None
+
+
+def _local(value: Any, at: Path, collector: Collector) -> Any:
+    """A number, or what varies in its place, or several of them; None where a file was refused."""
+    if isinstance(value, list):
+        items = [_local(item, (*at, index), collector) for index, item in enumerate(value)]
+        return None if None in items else tuple(items)
+    return varying(value, at, collector) if isinstance(value, VaryingTable) else value
+
+
+def varying(table: VaryingTable, at: Path, collector: Collector) -> Varying | None:
+    """What a table says that varies over a body; None, and a mistake in the collector, if it cannot be read."""
+    if not collector.sound(at):
+        return None
+    if (table.image is None) == (table.array is None):
+        example = 'Use for example { image = "hem.pgm", range = [0.0002, 0.001] }.'
+        collector.refuse(at, None, "needs either an image or an array", example)
+        return None
+    if table.array is not None and table.range is not None:
+        remedy = "Leave it out; the values of an array are taken as they are."
+        collector.refuse((*at, "range"), table.range, "goes with an image", remedy)
+        return None
+    with collector.at(at, {"values": (*at, "image" if table.array is None else "array")}):
+        folder = collector.file.parent
+        if table.array is not None:
+            return Varying.file(folder / table.array)
+        return Varying.image(folder / str(table.image), table.range)
+    return None
+
+
+def _growth(table: RestTable, at: Path, collector: Collector) -> Growth | None:
+    where = varying(table.where, (*at, "where"), collector) if table.where else None
+    if not collector.sound(at):
+        return None
+    with collector.at(at):
+        return Growth(table.times, table.scale, table.curvature, where)
+    return None
+
+
+def _shape(table: BodyTable, kind: str, at: Path, collector: Collector, which: str = "shape") -> RestShape | None:
+    """The rest shape, or another one of the same nodes; None also where examples stand in for what was refused."""
+    wanted = getattr(table, which)
     nodes: Sequence[int] = _STAND_INS[kind].nodes[: KINDS.index(kind) + 1]
     if collector.sound((*at, "nodes")):
         with collector.at(at):
             # A file may hold many strands.
-            nodes = table.nodes if table.shape.kind == "file" else checked_nodes(table.nodes, kind)
-    given = {key: _tuple(value) for key, value in table.shape.model_dump().items() if key != "kind"}
+            nodes = table.nodes if wanted.kind == "file" else checked_nodes(table.nodes, kind)
+    given = {key: _tuple(value) for key, value in wanted.model_dump().items() if key != "kind"}
     if "path" in given:
         given["path"], given["kind"] = collector.file.parent / given["path"], kind
     copies: dict[str, Any] = {}
@@ -116,12 +178,12 @@ def _shape(table: BodyTable, kind: str, at: Path, collector: Collector) -> RestS
     if math.prod(nodes) * len(copies.get("roots", [0])) > MOST_NODES:
         collector.refuse((*at, "nodes"), table.nodes, f"is more than {MOST_NODES} nodes", "Use for example [64, 64].")
         return None
-    with collector.at((*at, "shape"), {"positions": (*at, "shape"), "nodes": (*at, "nodes")}):
-        shape = SHAPES[table.shape.kind](nodes=nodes, **given)
+    with collector.at((*at, which), {"positions": (*at, which), "nodes": (*at, "nodes")}):
+        shape = SHAPES[wanted.kind](nodes=nodes, **given)
         if copies:
-            with collector.at((*at, "strands"), {"curve": (*at, "shape"), "positions": (*at, "shape")}):
+            with collector.at((*at, "strands"), {"curve": (*at, which), "positions": (*at, which)}):
                 shape = strands(shape, **copies)
-        return shape if collector.sound((*at, "nodes"), (*at, "shape"), (*at, "strands")) else None
+        return shape if collector.sound((*at, "nodes"), (*at, which), (*at, "strands")) else None
     return None
 
 
@@ -180,7 +242,7 @@ def _pin(table: PinTable, held: NDArray[np.float64], at: Path, collector: Collec
     track = None
     with collector.at((*at, "path")):
         track = held_track(table.path, held) if table.path else None
-    return Pin(table.nodes, track)
+    return Pin(table.nodes, track, table.until)
 
 
 def _spring(table: SpringTable, held: NDArray[np.float64], at: Path, collector: Collector) -> Spring:
@@ -189,7 +251,7 @@ def _spring(table: SpringTable, held: NDArray[np.float64], at: Path, collector: 
     track = None
     with collector.at((*at, "path")):
         track = held_track(table.path, np.array([point]) if point else held) if table.path else None
-    return Spring(table.nodes, table.stiffness, point, track)
+    return Spring(table.nodes, table.stiffness, point, track, table.until)
 
 
 def _tuple(value: Any) -> Any:

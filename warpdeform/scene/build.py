@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from warpdeform.attachment import Attachment, find_all_ties, find_ties
 from warpdeform.body import Body
 from warpdeform.contact import Contact
 from warpdeform.errors import InputError, Mistake
@@ -37,6 +38,7 @@ class BuiltScene:
         bodies: Deformable bodies.
         obstacles: Obstacles.
         contacts: Pairs of bodies that feel each other.
+        attachments: What ties bodies to each other.
         wind: Stream of air; None if the air is at rest.
         settings: How it is solved.
         frames: Samples that are written, the initial state included.
@@ -49,6 +51,7 @@ class BuiltScene:
     bodies: tuple[Body, ...]
     obstacles: tuple[Obstacle, ...]
     contacts: tuple[Contact, ...]
+    attachments: tuple[Attachment, ...]
     wind: Wind | None
     settings: Settings
     frames: int
@@ -97,6 +100,7 @@ def build(spec: SceneFile, raw: Mapping[str, Any], collector: Collector) -> Buil
         with collector.at(("wind",)):
             wind = Wind(**{**spec.wind.model_dump(), "velocity": tuple(spec.wind.velocity)})
     _check_names(spec, collector)
+    attachments = _attachments(spec, bodies, collector)
     if collector.mistakes or settings is None:
         raise InputError(collector.mistakes)
     return BuiltScene(
@@ -107,10 +111,26 @@ def build(spec: SceneFile, raw: Mapping[str, Any], collector: Collector) -> Buil
         bodies=tuple(body for body in bodies if body),
         obstacles=tuple(obstacle for obstacle in obstacles if obstacle),
         contacts=contacts,
+        attachments=attachments,
         wind=wind,
         settings=settings,
         frames=frames,
     )
+
+
+def _attachments(spec: SceneFile, bodies: Sequence[Body | None], collector: Collector) -> tuple[Attachment, ...]:
+    named = {body.name: body for body in bodies if body}
+    made: list[Attachment] = []
+    for index, table in enumerate(spec.attachment):
+        with collector.at(("attachment", index)):
+            attachment = Attachment(**table.model_dump())
+            if len(named) == len(spec.body):
+                find_ties(attachment, named)
+                made.append(attachment)
+    if len(made) == len(spec.attachment):
+        with collector.at(()):
+            find_all_ties(made, named)
+    return tuple(made)
 
 
 def _settings(spec: SceneFile, collector: Collector) -> Settings | None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpdeform.crossings import crossing_pairs
-from warpdeform.scene.measure import asymmetry, depth, samples
+from warpdeform.scene.measure import asymmetry, capsule_gaps, depth, folds, samples
 from warpdeform.selectors import select_nodes
 from warpdeform.simplices import Simplices
 
@@ -97,9 +97,9 @@ def _stretch(simulation: Simulation, high: float) -> Claim:
 
 def _nothing_inside(history: History, simulation: Simulation, name: str, deepest: float, every: int = 1) -> Claim:
     """Nodes, edges and cells stay outside all obstacles, at the last frame and every so many before it."""
-    worst = 0.0
+    worst, grid = 0.0, simulation[name].model.grid
     for time, positions in list(zip(history.times, history.positions[name], strict=True))[::-every]:
-        points = samples(positions)
+        points = samples(grid.closed(positions))
         worst = max([worst, *(depth(obstacle, points, time) for obstacle in simulation.obstacles)])
     return Claim(f"depth of {name} inside an obstacle [m]", worst, 0.0, deepest)
 
@@ -186,6 +186,77 @@ def materials(simulation: Simulation, history: History) -> list[Claim]:
     ]
 
 
+def lifted_patch(simulation: Simulation, history: History) -> list[Claim]:
+    """Both are lifted; the membrane crumples, the plate stays smooth and lifts more of itself."""
+    ends = {name: frames[-1] for name, frames in history.positions.items()}
+    return [
+        _stretch(simulation, 1.15),
+        *(Claim(f"height of the {name}'s corner [m]", float(r[0, 0, 2]), 0.25, 0.4) for name, r in ends.items()),
+        Claim("folds of the membrane [degrees]", folds(ends["membrane"]), 60.0, 180.0),
+        Claim("folds of the plate [degrees]", folds(ends["plate"]), 0.0, 15.0),
+        *(_nothing_inside(history, simulation, name, 1e-3) for name in ends),
+    ]
+
+
+def spring_steel(simulation: Simulation, history: History) -> list[Claim]:
+    """The cable bends the strip far without stretching it; let go, it rings as a clamped beam does."""
+    tip = np.array([frame[-1].mean(axis=0) for frame in history.positions["strip"]])
+    times, let_go = np.array(history.times), history.after(1.0)
+    height = tip[let_go:, 2] - 0.2
+    turns = times[let_go:-1][height[:-1] * height[1:] < 0.0]
+    # 1.8751^2 / (2 pi L^2) sqrt(E h^2 / (12 rho)), the clamp in the middle between the two pinned rows.
+    frequency = 1.8751**2 / (2.0 * np.pi * 0.295**2) * np.sqrt(2.0e11 * 5e-4**2 / (12.0 * 7850.0))
+    return [
+        _pins_still(history, simulation),
+        _stretch(simulation, 1.001),
+        Claim("height to which the cable bends the tip [m]", float(height[0]), 0.15, 0.25),
+        Claim("depth that it swings to [m]", float(-height[: let_go // 4].min()), 0.15, 0.25),
+        Claim("its frequency over that of a beam", 0.5 / float(np.diff(turns).mean()) / frequency, 0.9, 1.1),
+    ]
+
+
+def coiled_cord(simulation: Simulation, history: History) -> list[Claim]:
+    """It bounces about where a close-coiled spring hangs under its own weight, as slowly, and loses its swing."""
+    bottom = np.array([frame[-1, 0, 2] for frame in history.positions["cord"]])
+    # k = G d^4 / (64 n R^3); a spring of mass m sags by m g / 2k and oscillates with sqrt(k/m) / 4.
+    stiffness = 4e7 / 2.9 * 0.003**4 / (64.0 * 15.0 * 0.015**3)
+    mass = float(simulation["cord"].model.node_mass.sum())
+    sag, period = mass * 9.81 / (2.0 * stiffness), 4.0 * np.sqrt(mass / stiffness)
+    last = bottom[history.after(3.0 - 2.0 * period) :]
+    return [
+        _pins_still(history, simulation),
+        _stretch(simulation, 1.01),
+        Claim("mean sag of its end over that of a spring", float(bottom[0] - last.mean()) / sag, 0.9, 1.1),
+        Claim("its period over that of a spring", _period(bottom, simulation.settings.fps) / period, 0.85, 1.1),
+        Claim("its last swing over its first", float(np.ptp(last) / np.ptp(bottom)), 0.3, 0.9),
+    ]
+
+
+def _period(height: Array, fps: float) -> float:
+    """Mean time between the turns through the mean, twice [s]."""
+    above = height > height.mean()
+    turns = np.flatnonzero(above[1:] != above[:-1])
+    return 2.0 * float(np.diff(turns).mean()) / fps
+
+
+def shrink_wrap(simulation: Simulation, history: History) -> list[Claim]:
+    """The shell comes to rest on the jack: it lies on all six tips, hangs between them, and nothing is inside."""
+    frames, arms = history.positions["shell"], simulation.obstacles
+    gaps = [capsule_gaps(arms, frames[k].reshape(-1, 3), history.times[k]) for k in (0, -1)]
+    tips = 0.34 * np.concatenate([np.eye(3), -np.eye(3)])
+    nearest = [np.linalg.norm(frames[-1] - tip, axis=-1).min() for tip in tips]
+    speed = np.linalg.norm(frames[-1] - frames[-2], axis=-1) / (history.times[-1] - history.times[-2])
+    return [
+        _stretch(simulation, 2.6),
+        _nothing_inside(history, simulation, "shell", 1e-4, every=6),
+        Claim("mean gap between shell and jack at the start [m]", float(gaps[0].mean()), 0.15, 0.25),
+        Claim("mean gap between shell and jack at the end [m]", float(gaps[1].mean()), 0.0, 0.02),
+        Claim("widest gap at the end [m]", float(gaps[1].max()), 0.04, 0.08),
+        Claim("tip of an arm from the nearest node [m]", float(max(nearest)), 0.0, 0.025),
+        Claim("speed at the end (largest) [m/s]", float(speed.max()), 0.0, 0.01),
+    ]
+
+
 def crumple(simulation: Simulation, history: History) -> list[Claim]:
     """The sheet falls on its edge, folds up and comes to lie, through nothing of itself."""
     frames = history.positions["sheet"]
@@ -229,6 +300,20 @@ def _fallen(frames: list[Array]) -> float:
 
 
 CHECKS: dict[str, Check] = {
-    check.__name__: check for check in (hanging, flag, carpet, bunny, materials, crumple, twist, layers)
+    check.__name__: check
+    for check in (
+        hanging,
+        flag,
+        carpet,
+        bunny,
+        materials,
+        lifted_patch,
+        spring_steel,
+        coiled_cord,
+        shrink_wrap,
+        crumple,
+        twist,
+        layers,
+    )
 }
 """The check of each packaged scene, by the scene's name."""

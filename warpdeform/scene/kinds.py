@@ -7,19 +7,41 @@ from functools import reduce
 from operator import or_
 from typing import Annotated, Any, Literal
 
+from annotated_types import Len
 from pydantic import Field, create_model
 
 from warpdeform.material import QUANTITIES
 from warpdeform.obstacle import SIZES
-from warpdeform.scene.table import ROTATION, NumberOrPair, NumberOrTriple, Pair, Table, Vector, key
+from warpdeform.scene.table import ROTATION, NumberOrTriple, Pair, Table, Vector, key
 from warpdeform.shape import SHAPES
 
 
 class PresetTable(Table):
-    """A preset, or a material in one of its three forms; with a preset, the numbers beside it replace its own."""
+    """A preset, or a material in one of its four forms; with a preset, the numbers beside it replace its own."""
 
     shorthand = "preset"
     preset: str | None = key(None, "Name of a preset", example="cotton", words="the name of a preset")
+
+
+class VaryingTable(Table):
+    """A number that varies over the body: an image, stretched over it, or one value for each node or cell."""
+
+    image: str | None = key(
+        None,
+        "A grey picture (.pgm), u to the right and v upwards, or an array (.npy, .npz, .csv), u along its first axis; "
+        "seen from the scene file",
+        example="hem.pgm",
+        words="a file",
+    )
+    range: Pair | None = key(
+        None,
+        "Values where the image is 0 (black) and 1 (white); left out: the image's own",
+        example=[0.0002, 0.001],
+        words="2 numbers",
+    )
+    array: str | None = key(
+        None, "An array of one value for each node or cell (.npy, .npz, .csv)", example="thickness.npy", words="a file"
+    )
 
 
 class PathTable(Table):
@@ -64,12 +86,13 @@ class ObstacleTable(Table):
     roughness: float | None = key(None, "Roughness, 0 (mirror) to 1 (matt)", example=0.6, words="a number")
 
 
-_NUMBERS: dict[tuple[int, ...], tuple[Any, str]] = {
-    (1,): (float, "a number"),
-    (2,): (Pair, "2 numbers"),
-    (1, 2): (NumberOrPair, "a number, or two: along u and v"),
-    (1, 3): (NumberOrTriple, "a number, or three: 11, 22, 12"),
+_NUMBERS: dict[tuple[int, ...], str] = {
+    (1,): "a number",
+    (1, 2): "a number, or two: along u and v",
+    (1, 3): "a number, or three: 11, 22, 12",
+    (1, 3, 6): "a number, or three: 11, 22, 12, or six: 11, 22, 33, 12, 13, 23",
 }
+_VARIES = "; in place of a number a table with an image or an array, where it varies"
 
 _SHAPE_KEYS: dict[str, tuple[str, str]] = {
     "size": ("Lengths along the axes", "m"),
@@ -82,6 +105,7 @@ _SHAPE_KEYS: dict[str, tuple[str, str]] = {
     "turns": ("Turns", ""),
     "path": ("A .npy, .npz or .csv file of positions, seen from the scene file", ""),
     "periodic": ("Axes that close, one true or false for each", ""),
+    "poles": ("Whether the start and the end of a surface's open axis close at a pole", ""),
 }
 """Description and unit of the arguments of rest shapes; their types and defaults are those of the functions."""
 
@@ -132,9 +156,14 @@ def material_table() -> Any:
     """The table of a material: one key for each of its quantities."""
     keys = {}
     for name, quantity in QUANTITIES.items():
-        number, words = _NUMBERS[quantity.counts]
-        description = name.replace("_", " ").capitalize()
-        keys[name] = (number | None, key(None, description, words=words, remedy=quantity.remedy))
+        number: Any = float | VaryingTable if quantity.varies else float
+        choices = number
+        for count in quantity.counts:
+            if count > 1:
+                choices = choices | Annotated[list[number], Len(count, count)]
+        description = name.replace("_", " ").capitalize() + (_VARIES if quantity.varies else "")
+        words = _NUMBERS[quantity.counts]
+        keys[name] = (choices | None, key(None, description, words=words, remedy=quantity.remedy))
     return _table("Material", PresetTable, PresetTable.__doc__ or "", keys)
 
 

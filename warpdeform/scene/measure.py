@@ -5,6 +5,8 @@ Plain NumPy in float64, written without a look at the engine's own distance func
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,15 +26,14 @@ def samples(positions: Array) -> Array:
 def depth(obstacle: Obstacle, points: Array, time: float) -> float:
     """How deep the deepest of some points is inside an obstacle [m]; 0 if all are outside.
 
-    Knows plane, sphere, cylinder and solid meshes.
+    Knows plane, sphere, cylinder, capsule and solid meshes.
 
     Args:
         obstacle: The obstacle.
         points: Points [m], shape (k, 3).
         time: Time of its pose [s].
     """
-    position, rotation = obstacle.track.pose(time)
-    local = (points - position) @ rotation_matrix(rotation)
+    local = _seen_from(obstacle, points, time)
     if obstacle.kind == "mesh":
         assert obstacle.vertices is not None
         assert obstacle.faces is not None
@@ -45,8 +46,26 @@ def depth(obstacle: Obstacle, points: Array, time: float) -> float:
         "plane": -local[:, 2],
         "sphere": radius - np.linalg.norm(local, axis=1),
         "cylinder": np.minimum(around, half_height - np.abs(local[:, 2])),
+        "capsule": -_from_capsule(obstacle, local),
     }[obstacle.kind]
     return max(0.0, float(inside.max()))
+
+
+def capsule_gaps(obstacles: Sequence[Obstacle], points: Array, time: float) -> Array:
+    """Distances of points, shape (k, 3), from the nearest of some capsules [m], shape (k,); negative inside."""
+    return np.min([_from_capsule(each, _seen_from(each, points, time)) for each in obstacles], axis=0)
+
+
+def _seen_from(obstacle: Obstacle, points: Array, time: float) -> Array:
+    """Points in the coordinates of an obstacle."""
+    position, rotation = obstacle.track.pose(time)
+    return np.asarray((points - position) @ rotation_matrix(rotation))
+
+
+def _from_capsule(obstacle: Obstacle, local: Array) -> Array:
+    radius, half_height, _ = obstacle.size_vector
+    beyond = np.maximum(np.abs(local[:, 2]) - half_height, 0.0)
+    return np.asarray(np.sqrt(local[:, 0] ** 2 + local[:, 1] ** 2 + beyond**2) - radius)
 
 
 def _in_mesh(points: Array, corners: Array) -> NDArray[np.bool_]:
@@ -122,3 +141,11 @@ def asymmetry(positions: Array, axis: int, across: int) -> float:
     mirrored = np.flip(positions, axis=axis).copy()
     mirrored[..., across] *= -1.0
     return float(np.max(np.linalg.norm(mirrored - positions, axis=-1)))
+
+
+def folds(positions: NDArray[np.float64]) -> float:
+    """Largest angle between the normals of neighbouring cells [degrees]; positions of shape (nu, nv, 3)."""
+    normals = np.cross(positions[1:, 1:] - positions[:-1, :-1], positions[:-1, 1:] - positions[1:, :-1])
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    cosines = [np.sum(normals[1:] * normals[:-1], axis=-1), np.sum(normals[:, 1:] * normals[:, :-1], axis=-1)]
+    return float(np.degrees(np.arccos(np.clip(min(c.min() for c in cosines), -1.0, 1.0))))

@@ -10,9 +10,10 @@ from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
 
-from warpdeform.errors import SimulationFailure
+from warpdeform.errors import InputError, Mistake, SimulationFailure
 from warpdeform.result import RunRecord
 from warpdeform.scene.build import BuiltScene
+from warpdeform.scene.schema import SolverTable
 
 if TYPE_CHECKING:
     from warpdeform.simulation import Simulation
@@ -38,9 +39,24 @@ def simulation_of(scene: BuiltScene) -> Simulation:
     """The simulation that a scene describes, at its first frame."""
     from warpdeform.simulation import Simulation  # Warp is loaded only when something runs
 
-    return Simulation(
-        scene.bodies, obstacles=scene.obstacles, contacts=scene.contacts, wind=scene.wind, settings=scene.settings
-    )
+    try:
+        return Simulation(
+            scene.bodies,
+            obstacles=scene.obstacles,
+            contacts=scene.contacts,
+            attachments=scene.attachments,
+            wind=scene.wind,
+            settings=scene.settings,
+        )
+    except InputError as error:
+        raise InputError([_in_file(mistake, scene) for mistake in error.mistakes]) from None
+
+
+def _in_file(mistake: Mistake, scene: BuiltScene) -> Mistake:
+    """A mistake in the settings of a simulation, by the key that it has in the scene's file."""
+    if mistake.key not in SolverTable.model_fields:
+        return mistake
+    return replace(mistake, key=f"solver.{mistake.key}", file=str(scene.file))
 
 
 def play(

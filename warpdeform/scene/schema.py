@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 from annotated_types import Len
 
 from warpdeform.contact import Contact
-from warpdeform.scene.kinds import PathTable, material_table, obstacle_table, shape_table
+from warpdeform.scene.kinds import PathTable, VaryingTable, material_table, obstacle_table, shape_table
 from warpdeform.scene.table import ROTATION, Selector, Table, Vector, key
 from warpdeform.settings import Settings
 from warpdeform.wind import Wind
@@ -46,8 +46,14 @@ class SceneTable(Table):
 class SolverTable(Table):
     """[solver]: how it is solved; see `warpdeform.settings.Settings`."""
 
-    integrator: str = key(Settings.integrator, "Time integrator", example="bdf2")
+    integrator: str = key(Settings.integrator, "Time integrator, told in docs/accuracy.md", example="tr-bdf2")
     substeps: int = key(Settings.substeps, "Steps per frame; dt = 1 / (fps * substeps)", example=1)
+    time_step: str = key(
+        Settings.time_step, "fixed, auto (as many more as explicit methods need), or adaptive", example="adaptive"
+    )
+    time_tolerance: float = key(
+        Settings.time_tolerance, "Largest error of a step that is adaptive", unit="m", example=1e-4
+    )
     newton_iterations: int = key(
         Settings.newton_iterations, "Newton iterations per step; 0 = to newton_tolerance", example=1
     )
@@ -74,6 +80,7 @@ class PinTable(Table):
     shorthand = "nodes"
     nodes: Selector = key(..., "Which nodes", example="corner:0,0", words=_SELECTOR)
     path: HeldPathTable | None = key(None, "How they are led; left out: they stay where they are", words="a table")
+    until: float | None = key(None, "When they are let go; left out: never", unit="s", example=1.0, words="a number")
 
 
 class SpringTable(Table):
@@ -85,6 +92,7 @@ class SpringTable(Table):
         None, "Where they pull to; left out: each node to its start", unit="m", example=[0, 0, 1], words="3 numbers"
     )
     path: HeldPathTable | None = key(None, "How that point moves; left out: it stays where it is", words="a table")
+    until: float | None = key(None, "When they let go; left out: never", unit="s", example=1.0, words="a number")
 
 
 class StrandsTable(Table):
@@ -114,6 +122,36 @@ class StrandsTable(Table):
     )
 
 
+class SectionTable(Table):
+    """The cross-section of a curve: a disc, or a rectangle."""
+
+    radius: float | None = key(None, "Radius of a disc", unit="m", example=0.002, words="a number")
+    width: float | None = key(None, "Width of a rectangle, along director 1", unit="m", example=0.01, words="a number")
+    height: float | None = key(None, "Height of a rectangle", unit="m", example=0.002, words="a number")
+
+
+class RestTable(Table):
+    """How the rest shape changes: growth, shrinking, curling; linear between keyframes, constant outside them."""
+
+    times: list[float] = key(..., "Times of the keyframes", unit="s", example=[0.0, 2.0])
+    scale: list[float] | list[list[float]] | None = key(
+        None,
+        "Factors of the rest lengths at each of them: one, or one along each axis",
+        example=[1.0, 0.7],
+        words="a list of numbers, or of [along u, along v]",
+    )
+    curvature: list[list[float]] | None = key(
+        None,
+        "Natural curvatures at each of them, on top of the rest shape's own: along u and v, and the twist",
+        unit="1/m",
+        example=[[0.0, 0.0], [5.0, 0.0]],
+        words="a list of [along u, along v]",
+    )
+    where: VaryingTable | None = key(
+        None, "Share that a place takes in it, 0 to 1; left out: all", words="a table with an image or array"
+    )
+
+
 class BodyTable(Table):
     """[[body]]: a deformable curve, surface or solid, where it starts and what holds it."""
 
@@ -127,11 +165,24 @@ class BodyTable(Table):
     )
     shape: ShapeTable = key(..., "Rest shape", example={"kind": "sheet"}, words="a table")
     strands: StrandsTable | None = key(None, "Copies of a curve; left out: one", words="a table")
+    section: SectionTable | None = key(
+        None, "Cross-section of a curve, for materials in physical units", example={"radius": 0.002}, words="a table"
+    )
+    natural: ShapeTable | None = key(
+        None, "Shape of a curve whose curvature and twist need no force; left out: the rest shape", words="a table"
+    )
+    director: Vector | None = key(
+        None,
+        "Where director 1 of a curve's section (its width) points, at the first segment; left out: anywhere",
+        example=[0.0, 0.0, 1.0],
+        words="3 numbers",
+    )
     material: MaterialTable = key(..., "Preset, or numbers", example="cotton", words="a preset or a table of numbers")
     position: Vector = key([0.0, 0.0, 0.0], "Where the rest shape's origin starts", unit="m", example=[0.0, 0.0, 1.0])
     rotation: Vector = key([0.0, 0.0, 0.0], ROTATION, unit="degrees", example=[90.0, 0.0, 0.0])
     velocity: Vector = key([0.0, 0.0, 0.0], "Velocity at the start", unit="m/s", example=[0.0, 0.0, -1.0])
     pins: list[PinTable] = key([], "Held or led nodes", example=["corner:0,0"])
+    rest: RestTable | None = key(None, "How the rest shape changes; left out: it stays", words="a table")
     springs: list[SpringTable] = key([], "Springs from nodes to points")
     drag: float = key(0.0, "Damping by mass, beside the material's own", unit="1/s", example=0.1)
     wind_coefficient: float = key(2.0, "c of the wind's force c (n . v) n", unit="kg/(m2 s)", example=2.0)
@@ -170,6 +221,23 @@ class ContactTable(Table):
     )
 
 
+class AttachmentTable(Table):
+    """[[attachment]]: nodes of a body that hang on points of another; see `warpdeform.attachment.Attachment`."""
+
+    body: str = key(..., "Body whose nodes are attached; rigid ones follow the other body", example="curtain")
+    nodes: Selector = key(..., "Which of its nodes", example="edge:v,1", words=_SELECTOR)
+    to: str = key(..., "Body that they are attached to", example="rod")
+    at: Selector | list[list[float]] = key(
+        "nearest",
+        "Where on it: as many nodes, nodes of an edge, the nearest points, or parameters from 0 to 1",
+        example="nearest",
+        words='a selector, "nearest", or a list of parameters [[u, v], ...]',
+    )
+    stiffness: float | None = key(
+        None, "Stiffness of each node's tie; left out: rigid", unit="N/m", example=100.0, words="a number"
+    )
+
+
 class WindTable(Table):
     """[wind]: the stream of air; see `warpdeform.wind.Wind`."""
 
@@ -199,6 +267,7 @@ class SceneFile(Table):
     )
     obstacle: list[AnyObstacleTable] = key([], "Obstacles", words="tables [[obstacle]]")
     contact: list[ContactTable] = key([], "Pairs of bodies that feel each other", words="tables [[contact]]")
+    attachment: list[AttachmentTable] = key([], "What ties bodies to each other", words="tables [[attachment]]")
     wind: WindTable | None = key(None, "Stream of air; left out: the air is at rest", words="a table [wind]")
     output: OutputTable = key(OutputTable(), "What is written", words="a table [output]")
 

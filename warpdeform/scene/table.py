@@ -11,8 +11,8 @@ from pydantic_core import CoreSchema
 
 Pair = Annotated[list[float], Len(2, 2)]
 Vector = Annotated[list[float], Len(3, 3)]
-NumberOrPair = float | Pair
 NumberOrTriple = float | Vector
+NumberOrWeights = float | Vector | Annotated[list[float], Len(6, 6)]
 Selector = str | list[list[int]] | list[int]
 
 ROTATION = "Rotation about x, then y, then z (axes of the world), as Blender and USD's rotateXYZ have it"

@@ -76,10 +76,17 @@ def validate(raw: Mapping[str, Any], label: Callable[[Path], str]) -> Checked:
 
 
 def _by_path(error: ValidationError, raw: Any) -> dict[Path, ErrorDetails]:
-    """One error for each path; none below another, which is the same value seen as another member of a union."""
+    """One error for each path; none below another, which is the same value seen as another member of a union.
+
+    A table that could also be a number is meant as a table: what is wrong in it is said, not that it is no number.
+    """
     found: dict[Path, ErrorDetails] = {}
     for details in error.errors(include_url=False):
         found.setdefault(_path(details, raw), details)
+    tables = [path for path, details in found.items() if isinstance(details["input"], dict)]
+    for path in tables:
+        if found[path]["type"].endswith("_type") and any(path == other[: len(path)] != other for other in found):
+            del found[path]
     topmost = {path: found[path] for path in found if not any(path[:n] in found for n in range(len(path)))}
     return {path: details for path, details in topmost.items() if not _misspelt(path, topmost)}
 

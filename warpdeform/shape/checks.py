@@ -7,13 +7,17 @@ from numpy.typing import NDArray
 
 from warpdeform.errors import Mistake
 from warpdeform.grid import ParameterGrid
-from warpdeform.measure import cell_measures, mean_edges
+from warpdeform.measure import cell_measures, mean_edges, strip_corners
 from warpdeform.shape.numbers import AXES, FEWEST_PERIODIC, KINDS
 
 Array = NDArray[np.float64]
 
 COINCIDENT = 1e-6
 """Neighbouring nodes nearer than this part of the longest edge count as one point."""
+FEWEST_AROUND_POLES = 6
+"""Nodes around a pole at least: three strips across it."""
+WIDEST_POLE = 2.0
+"""Nodes across a pole must be so many steps apart at most, and at least the inverse."""
 TOUCHING = 0.1
 """Nodes of a closed shape that are no neighbours must lie further apart than this part of the shortest edge."""
 
@@ -44,6 +48,25 @@ def array_mistakes(positions: Array, kind: str, periodic: tuple[bool, ...]) -> l
     return []
 
 
+def pole_mistakes(
+    kind: str, nodes: tuple[int, ...], periodic: tuple[bool, ...], poles: tuple[bool, ...]
+) -> list[Mistake]:
+    """What is wrong with poles, wherever the nodes lie."""
+    if len(poles) != 2:
+        return [Mistake("poles", poles, "must be two of true and false", "Use one for each end of the open axis.")]
+    if not any(poles):
+        return []
+    if kind != "surface" or sum(periodic) != 1:
+        problem = "close the ends of an axis around which the other one is periodic, which this shape has not"
+        return [Mistake("poles", poles, problem, "Make one axis of a surface periodic, or leave poles out.")]
+    around = periodic.index(True)
+    if nodes[around] % 2 or nodes[around] < FEWEST_AROUND_POLES:
+        problem = f"has {nodes[around]} nodes along {AXES[around]}, of which every one needs another across a pole"
+        remedy = f"Use an even number of nodes along {AXES[around]}, at least {FEWEST_AROUND_POLES}."
+        return [Mistake("positions", nodes, problem, remedy)]
+    return []
+
+
 def geometry_mistakes(positions: Array, grid: ParameterGrid) -> list[Mistake]:
     """What is wrong with a grid of finite positions, shape (*nodes, 3): the first thing found."""
     edges = [np.linalg.norm(grid.differences(positions, axis), axis=-1) for axis in range(grid.dimension)]
@@ -54,6 +77,8 @@ def geometry_mistakes(positions: Array, grid: ParameterGrid) -> list[Mistake]:
     if grid.dimension == 2 and (mistakes := _area_mistakes(positions, grid, limit)):
         return mistakes
     if grid.dimension == 3 and (mistakes := _volume_mistakes(positions, grid, limit)):
+        return mistakes
+    if any(grid.poles) and (mistakes := _closing_mistakes(positions, grid)):
         return mistakes
     if any(grid.periodic):
         return _touching(positions, grid, TOUCHING * min(edge.min() for edge in edges))
@@ -66,7 +91,8 @@ def _coincident(positions: Array, grid: ParameterGrid, axis: int, short: NDArray
         for end, name in ((0, "start"), (-1, "end")):
             if across != axis and np.take(short, end, axis=across).all():
                 problem = f"has a pole: no edge along {AXES[axis]} has a length at the {name} of {AXES[across]}"
-                return Mistake("positions", None, problem, f"Let {AXES[across]} {name} half a step beside the pole.")
+                remedy = f"Let {AXES[across]} {name} half a step beside the pole, and say so with poles."
+                return Mistake("positions", None, problem, remedy)
     node = _first(short)
     following = list(node)
     following[axis] = (following[axis] + 1) % grid.nodes[axis]
@@ -79,6 +105,30 @@ def _area_mistakes(positions: Array, grid: ParameterGrid, limit: float) -> list[
     if area.min() <= limit**2:
         problem = f"leaves the cell at node {list(_first(area <= limit**2))} without area"
         return [Mistake("positions", None, problem, "Spread its four nodes over a surface.")]
+    return []
+
+
+def _closing_mistakes(positions: Array, grid: ParameterGrid) -> list[Mistake]:
+    """Rings of nodes that do not lie half a step around a pole: too far or too near, twisted, or inside out."""
+    along = grid.periodic.index(False)
+    steps = np.linalg.norm(grid.differences(positions, along), axis=-1)
+    for ring, end in zip(grid.rings, np.flatnonzero(grid.poles), strict=True):
+        name = f"{('start', 'end')[end]} of {AXES[along]}"
+        points, half = positions[tuple(ring.T)], len(ring) // 2
+        across = np.linalg.norm(points - np.roll(points, half, axis=0), axis=-1)
+        ratio = across / np.take(steps, -end, axis=along)
+        if ratio.max() > WIDEST_POLE or ratio.min() < 1.0 / WIDEST_POLE:
+            wrong = int(np.argmax(np.abs(np.log(np.maximum(ratio, 1e-9)))))
+            problem = f"does not close at the {name}: the node across from {ring[wrong].tolist()} is "
+            problem += f"{ratio[wrong]:.3g} steps of {AXES[along]} away, not about one"
+            remedy = f"Let the nodes at the {name} lie half a step around the pole, or leave poles out."
+            return [Mistake("positions", positions[tuple(ring[wrong])], problem, remedy)]
+        r00, r10, r01, r11 = strip_corners(points)
+        normals = np.cross(r11 - r00, r01 - r10)
+        middle = normals.sum(axis=0)
+        if (normals @ middle <= 1e-3 * np.linalg.norm(normals, axis=-1) * np.linalg.norm(middle)).any():
+            problem = f"crosses itself in the pole at the {name}"
+            return [Mistake("positions", None, problem, "Put the nodes around the pole in order.")]
     return []
 
 

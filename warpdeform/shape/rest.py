@@ -3,14 +3,14 @@
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warpdeform.errors import InputError, Mistake, shown
+from warpdeform.array_file import TABLES, read_array
+from warpdeform.errors import InputError, Mistake
 from warpdeform.grid import ParameterGrid
-from warpdeform.shape.checks import array_mistakes, geometry_mistakes
+from warpdeform.shape.checks import array_mistakes, geometry_mistakes, pole_mistakes
 from warpdeform.shape.numbers import KINDS, checked_nodes, positive
 
 Array = NDArray[np.float64]
@@ -30,16 +30,21 @@ class RestShape:
             which nothing connects, it is 1 and may be left out.
         periodic: Axes that close: the node behind the last one is the first one. Left out: none.
         kind: "curve", "surface" or "solid"; left out: as many axes as `positions` has.
+        poles: Whether the start and the end of the open axis of a surface close at a pole. The other axis is periodic
+            with an even number of nodes; the nodes beside the pole lie half a step from it, so that the step to the
+            node on the other side is a whole one. No node lies in the pole. Left out: both ends are open.
 
     Raises:
-        InputError: A wrong array shape, too few nodes, a non-finite position, coincident neighbours, poles, cells
-            without area or volume, a closed shape that touches itself; with the index of the first node that shows it.
+        InputError: A wrong array shape, too few nodes, a non-finite position, coincident neighbours, nodes in a pole,
+            poles that do not close, cells without area or volume, a closed shape that touches itself; with the index
+            of the first node that shows it.
     """
 
     positions: Array
     spacing: tuple[float, ...]
     periodic: tuple[bool, ...] = ()
     kind: str = ""
+    poles: tuple[bool, ...] = ()
 
     def __post_init__(self) -> None:
         positions = np.array(self.positions, dtype=np.float64)
@@ -57,9 +62,13 @@ class RestShape:
             raise InputError(mistakes)
         example = ", ".join(["0.01"] * dimension)
         lengths = positive("spacing", spacing, len(periodic), f"Use parameter lengths, for example [{example}].")
+        poles = tuple(map(bool, self.poles)) or (False, False)
         for name, value in (("positions", positions), ("spacing", tuple(lengths)), ("periodic", periodic)):
             object.__setattr__(self, name, value)
         object.__setattr__(self, "kind", kind)
+        object.__setattr__(self, "poles", poles)
+        if mistakes := pole_mistakes(kind, positions.shape[:-1], periodic, poles):
+            raise InputError(mistakes)
         if mistakes := geometry_mistakes(positions, self.grid):
             raise InputError(mistakes)
 
@@ -76,11 +85,16 @@ class RestShape:
     @property
     def grid(self) -> ParameterGrid:
         """The parameter grid."""
-        return ParameterGrid(self.nodes, self.spacing, self.periodic, self.dimension)
+        start, end = self.poles
+        return ParameterGrid(self.nodes, self.spacing, self.periodic, self.dimension, (start, end))
 
 
 def from_map(
-    function: RestMap, nodes: Sequence[int], extent: Sequence[Sequence[float]], periodic: Sequence[bool] = ()
+    function: RestMap,
+    nodes: Sequence[int],
+    extent: Sequence[Sequence[float]],
+    periodic: Sequence[bool] = (),
+    poles: Sequence[bool] = (),
 ) -> RestShape:
     """Sample an analytic map at the nodes: a curve, a surface or a solid, by the number of its parameters.
 
@@ -90,6 +104,7 @@ def from_map(
         extent: ((u0, u1), ...): parameters of the first and last node; of a periodic axis, of the first node and where
             it comes again.
         periodic: Axes that close; left out: none.
+        poles: Whether the start and the end of the open axis close at a pole, see `RestShape`; left out: none.
 
     Raises:
         InputError: See `RestShape`; also for bad `nodes` and an `extent` that is empty or not finite.
@@ -109,11 +124,15 @@ def from_map(
         problem, remedy = "is not the shape that the map must return", f"Return an array of shape {(*counts, 3)}."
         raise InputError(Mistake("function", positions.shape, problem, remedy))
     cells = [count if closed else count - 1 for count, closed in zip(counts, closes, strict=True)]
-    return RestShape(positions, tuple(lengths / cells), closes)
+    return RestShape(positions, tuple(lengths / cells), closes, poles=tuple(poles))
 
 
 def from_array(
-    positions: ArrayLike, spacing: tuple[float, ...] | None = None, periodic: Sequence[bool] = (), kind: str = ""
+    positions: ArrayLike,
+    spacing: tuple[float, ...] | None = None,
+    periodic: Sequence[bool] = (),
+    kind: str = "",
+    poles: Sequence[bool] = (),
 ) -> RestShape:
     """Take the rest positions as they are.
 
@@ -122,21 +141,26 @@ def from_array(
         spacing: Parameter spacings; None takes the mean edge lengths, so that parameters are about metres.
         periodic: Axes that close; left out: none.
         kind: "curve", "surface" or "solid"; left out: as many axes as `positions` has.
+        poles: Whether the start and the end of the open axis close at a pole, see `RestShape`; left out: none.
 
     Raises:
         InputError: See `RestShape`.
     """
     array = np.asarray(positions, dtype=np.float64)
     if spacing is None:
-        measured = RestShape(array, (1.0,) * max(array.ndim - 1, 1), tuple(periodic), kind)
+        measured = RestShape(array, (1.0,) * max(array.ndim - 1, 1), tuple(periodic), kind, tuple(poles))
         grid, array = measured.grid, measured.positions
         lengths = [np.linalg.norm(grid.differences(array, axis), axis=-1).mean() for axis in range(grid.dimension)]
         spacing, kind = tuple(float(length) for length in lengths), measured.kind
-    return RestShape(array, spacing, tuple(periodic), kind)
+    return RestShape(array, spacing, tuple(periodic), kind, tuple(poles))
 
 
 def from_file(
-    path: str | Path, nodes: Sequence[int] | None = None, periodic: Sequence[bool] = (), kind: str = ""
+    path: str | Path,
+    nodes: Sequence[int] | None = None,
+    periodic: Sequence[bool] = (),
+    kind: str = "",
+    poles: Sequence[bool] = (),
 ) -> RestShape:
     """Read rest positions [m] from a file.
 
@@ -147,6 +171,7 @@ def from_file(
             list of points, else checked if given.
         periodic: Axes that close; left out: none.
         kind: "curve", "surface" or "solid"; left out: as many axes as `nodes` has, or the array.
+        poles: Whether the start and the end of the open axis close at a pole, see `RestShape`; left out: none.
 
     Raises:
         InputError: A missing, unreadable or misshapen file; see also `RestShape`.
@@ -165,7 +190,7 @@ def from_file(
     elif array.ndim == 2 and kind != "curve":
         remedy = "Use one whole number for each axis, for example [64, 64]."
         raise InputError(Mistake("nodes", None, f"is missing for the {len(array)} points of {path}", remedy))
-    return from_array(array, periodic=periodic, kind=kind)
+    return from_array(array, periodic=periodic, kind=kind, poles=poles)
 
 
 def read_positions(path: Path) -> Array:
@@ -174,19 +199,4 @@ def read_positions(path: Path) -> Array:
     Raises:
         InputError: A missing or unreadable file.
     """
-    formats = "Use a .npy, .npz or .csv file of positions."
-    if path.suffix not in (".npy", ".npz", ".csv"):
-        raise InputError(Mistake("path", str(path), f'has the unknown suffix "{path.suffix}"', formats))
-    try:
-        if path.suffix == ".csv":
-            table = np.genfromtxt(path, delimiter=",", dtype=np.float64, comments="#", ndmin=2)
-            return table[1:] if np.isnan(table[0]).all() else table
-        loaded = np.load(path, allow_pickle=False)
-        return np.asarray(loaded["positions"] if path.suffix == ".npz" else loaded, dtype=np.float64)
-    except FileNotFoundError:
-        raise InputError(Mistake("path", str(path), "does not exist", "Check the path.")) from None
-    except KeyError:
-        raise InputError(Mistake("path", str(path), 'has no array "positions"', 'Save it as "positions".')) from None
-    except (OSError, ValueError, EOFError, BadZipFile) as error:
-        cause = shown(error)
-        raise InputError(Mistake("path", str(path), f"cannot be read ({cause})", formats)) from None
+    return read_array(path, "path", "positions", f"Use a {', '.join(TABLES[:-1])} or {TABLES[-1]} file of positions.")

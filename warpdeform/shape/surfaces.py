@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from warpdeform.errors import InputError, Mistake
+from warpdeform.shape.checks import FEWEST_AROUND_POLES
 from warpdeform.shape.numbers import checked_nodes, degrees, positive
 from warpdeform.shape.rest import Array, RestShape, from_map
 
@@ -95,23 +96,28 @@ def torus(nodes: Sequence[int], radius: float = 0.5, tube_radius: float = 0.2) -
 
 
 def sphere(nodes: Sequence[int], radius: float = 0.5) -> RestShape:
-    """Sphere about the origin; u along the circles of latitude (periodic), v from south to north.
+    """Closed sphere about the origin; u along the circles of latitude (periodic), v from south to north.
 
-    The latitudes end half a step before the poles, where no node lies: the sphere has two small holes there.
+    The latitudes begin and end half a step beside the poles, where no node lies. The cells narrow towards them: with
+    as many nodes along u as along v they are 2 pi / n times as wide there as they are long, with more even narrower.
 
     Args:
-        nodes: Nodes along u, at least 3, and v, at least 2.
+        nodes: Nodes along u, an even number of at least 6, and v, at least 2.
         radius: Radius [m].
 
     Raises:
         InputError: Bad `nodes` or `radius`.
     """
-    count = checked_nodes(nodes, periodic=(True, False))[1]
+    around, count = checked_nodes(nodes, periodic=(True, False))
     r = positive("radius", radius, 1, _LENGTH)[0]
+    if around % 2 or around < FEWEST_AROUND_POLES:
+        problem = "must have an even number along u, so that every meridian goes on across the poles"
+        remedy = f"Use for example [{max(around + around % 2, FEWEST_AROUND_POLES)}, {count}]."
+        raise InputError(Mistake("nodes", list(nodes), problem, remedy))
     last = 0.5 * math.pi * r * (1.0 - 1.0 / count)
 
     def globe(u: Array, v: Array) -> Array:
         out = r * np.cos(v / r)
         return np.stack([out * np.cos(u / r), out * np.sin(u / r), r * np.sin(v / r)], axis=-1)
 
-    return from_map(globe, nodes, ((0.0, 2.0 * math.pi * r), (-last, last)), (True, False))
+    return from_map(globe, nodes, ((0.0, 2.0 * math.pi * r), (-last, last)), (True, False), (True, True))

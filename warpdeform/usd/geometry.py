@@ -21,11 +21,14 @@ def vertex_normals(
     Args:
         points: Node positions, shape (nu, nv, 3).
         periodic: Axes whose index wraps.
-        caps: Whether the ring u = first, u = last is closed by a cap; v must be periodic then.
+        caps: Whether the ring of nodes at the start and at the end of the open axis is closed by a cap.
 
     Returns:
         Normals on the side of r_u x r_v, shape (nu, nv, 3).
     """
+    if any(caps) and periodic[0]:
+        normals = vertex_normals(points.transpose(1, 0, 2), (periodic[1], periodic[0]), caps)
+        return np.negative(normals.transpose(1, 0, 2))
     r = np.ascontiguousarray(np.moveaxis(points, 2, 0), dtype=np.float32)
     for axis, wraps in enumerate(periodic, start=1):
         if wraps:

@@ -6,8 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from warpdeform.usd.curves import CurveSet
 from warpdeform.usd.description import BodyDescription
 from warpdeform.usd.frames import FrameWriter
+from warpdeform.usd.solid import SolidBlock
 from warpdeform.usd.surface import SurfaceMesh
 
 if TYPE_CHECKING:
@@ -26,13 +30,43 @@ def _surface(body: Body) -> BodyDescription:
         body.name,
         (body.nodes[0], body.nodes[1]),
         periodic=(shape.periodic[0], shape.periodic[1]),
-        thickness=body.material.thickness or 0.0,
+        thickness=body.material.mean_thickness(shape.grid),
+        caps=shape.grid.poles,
         color=body.color,
         roughness=body.roughness,
     )
 
 
-_KINDS: dict[str, Callable[[Body], BodyDescription]] = {"surface": _surface}
+def _curve(body: Body) -> BodyDescription:
+    return CurveSet(
+        body.name,
+        body.nodes,
+        drawn_radius(body),
+        closed=body.shape.periodic[0],
+        color=body.color,
+        roughness=body.roughness,
+    )
+
+
+def drawn_radius(body: Body) -> float:
+    """The radius of a curve's section, or a two-hundredth of its length if its material is that of no section [m]."""
+    if body.section is not None:
+        return body.section.radius
+    return float(np.linalg.norm(np.diff(body.shape.positions[:, 0], axis=0), axis=-1).sum()) / 200.0
+
+
+def _solid(body: Body) -> BodyDescription:
+    nodes, periodic = body.nodes, body.shape.periodic
+    return SolidBlock(
+        body.name,
+        (nodes[0], nodes[1], nodes[2]),
+        periodic=(periodic[0], periodic[1], periodic[2]),
+        color=body.color,
+        roughness=body.roughness,
+    )
+
+
+_KINDS: dict[str, Callable[[Body], BodyDescription]] = {"curve": _curve, "surface": _surface, "solid": _solid}
 
 
 class Recorder(FrameWriter):

@@ -29,8 +29,8 @@ class SurfaceMesh(BodyDescription):
     Attributes:
         periodic: Axes whose index wraps.
         thickness: Thickness of the surface, m; 0 = unknown.
-        caps: Whether faces close the ring of nodes u = first, u = last: poles of a ball, ends of a can. They have the
-            texture's border rows, drawn together, and belong to no cell of the grid.
+        caps: Whether faces close the ring of nodes at the start and at the end of the open axis: poles of a ball, ends
+            of a can. They have the texture's border rows, drawn together, and belong to no cell of the grid.
         turned: Whether the faces look to the side that r_u x r_v points away from; `outward` finds it out.
     """
 
@@ -49,8 +49,8 @@ class SurfaceMesh(BodyDescription):
         mistakes = grid_mistakes("surface", self.nodes, self.periodic, 2)
         if not 0.0 <= self.thickness < np.inf:
             mistakes.append(Mistake("thickness", self.thickness, "is not a length", "Use metres, 0 when unknown."))
-        if len(self.caps) != 2 or (any(self.caps) and self.periodic != (False, True)):
-            problem = "close the rings at both ends of u, so u must be open and v periodic"
+        if len(self.caps) != 2 or (any(self.caps) and sum(self.periodic) != 1):
+            problem = "close the rings at the ends of an axis, around which the other one must be periodic"
             mistakes.append(Mistake("caps", self.caps, problem, "Use [false, false] for other surfaces."))
         return mistakes
 
@@ -67,13 +67,13 @@ class SurfaceMesh(BodyDescription):
 
     def faces(self) -> list[Ints]:
         """Corners of the faces in groups of as many corners, each (k, corners): quads of the grid, then the caps."""
-        return self._facing([quad_indices(self.nodes, self.periodic), *self._caps(self.nodes[1])])
+        return self._facing([quad_indices(self.nodes, self.periodic), *self._caps(self.nodes)])
 
     def texture(self) -> tuple[NDArray[np.float32], Ints]:
         """Texture coordinates, shape (k, 2), and the number of that of each face corner."""
         values, corners = texture_coordinates(self.nodes, self.periodic)
-        columns = cell_counts(self.nodes, self.periodic)[1] + 1
-        return values, flattened(self._facing([corners, *self._caps(columns)]))[1]
+        cu, cv = cell_counts(self.nodes, self.periodic)
+        return values, flattened(self._facing([corners, *self._caps((cu + 1, cv + 1))]))[1]
 
     def define(self, static: StaticStage, units: StageUnits) -> BodySamples:
         """Define the mesh: topology, texture coordinates and material now, samples later."""
@@ -85,11 +85,18 @@ class SurfaceMesh(BodyDescription):
             static.note(mesh, "thickness", self.thickness * units.per_meter)
         return _SurfaceSamples(self, static, mesh)
 
-    def _caps(self, columns: int) -> list[Ints]:
-        """Faces of the caps, of values that stand in rows of so many columns."""
-        ring = cap_faces(self.nodes[1])
-        first = [corners for corners in ring if self.caps[0]]
-        return first + [(self.nodes[0] - 1) * columns + corners[:, ::-1] for corners in ring if self.caps[1]]
+    def _caps(self, values: tuple[int, ...]) -> list[Ints]:
+        """Faces of the caps, of a grid of so many values along u and v."""
+        if not any(self.caps):
+            return []
+        around, numbers = self.periodic.index(True), np.arange(np.prod(values), dtype=np.int32).reshape(values)
+        faces = []
+        for end, capped in zip((0, -1), self.caps, strict=True):
+            ring = numbers[:, end] if around == 0 else numbers[end]
+            for corners in cap_faces(self.nodes[around]) if capped else []:
+                # A cap runs against the cells beside it: along v at the start of u, against u at the start of v.
+                faces.append(ring[corners] if (around == 1) == (end == 0) else ring[corners[:, ::-1]])
+        return faces
 
     def _facing(self, faces: list[Ints]) -> list[Ints]:
         return [corners[:, ::-1] for corners in faces] if self.turned else faces

@@ -5,10 +5,10 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from warpdeform.scene import Override
 from warpdeform.scene.build import BuiltScene
+from warpdeform.scene.measure import folds
 from warpdeform.scene.play import simulation_of
 from warpdeform.study.bench.machine import describe
 from warpdeform.study.bench.runs import scene_of
@@ -112,14 +112,6 @@ def bench_iterations(
                 runs.append(_counted(scene, built, material, steps))
     targets = [Target(f"{scene}, {precision}", "iterations", _most(runs, scene), MOST_ITERATIONS) for scene in scenes]
     return Counts(describe(), precision, tolerance, tuple(runs), tuple(targets))
-
-
-def folds(positions: NDArray[np.float64]) -> float:
-    """Largest angle between the normals of neighbouring cells [degrees]; positions of shape (nu, nv, 3)."""
-    normals = np.cross(positions[1:, 1:] - positions[:-1, :-1], positions[:-1, 1:] - positions[1:, :-1])
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    cosines = [np.sum(normals[1:] * normals[:-1], axis=-1), np.sum(normals[:, 1:] * normals[:, :-1], axis=-1)]
-    return float(np.degrees(np.arccos(np.clip(min(c.min() for c in cosines), -1.0, 1.0))))
 
 
 def _material(material: tuple[float, float] | None) -> dict[str, object]:

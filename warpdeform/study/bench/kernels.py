@@ -12,6 +12,7 @@ from warpdeform.study.bench.counting import Work, count, recorded_launches
 from warpdeform.study.bench.machine import core_for, describe
 from warpdeform.study.bench.passes import PASSES, YARDSTICK, Limit, Pass, Sheet
 from warpdeform.study.bench.sampling import Sample
+from warpdeform.study.bench.solid_passes import SOLID_PASSES, Block
 from warpdeform.study.bench.stream import Stream
 from warpdeform.study.bench.table import Target, table, targets_lines
 
@@ -80,6 +81,7 @@ class KernelTimes:
     device: str
     precision: str
     repeats: int
+    axes: int
     passes: tuple[PassTime, ...]
     targets: tuple[Target, ...]
 
@@ -92,7 +94,8 @@ class KernelTimes:
         lines = []
         for nodes in dict.fromkeys(p.nodes for p in self.passes):
             here = [p for p in self.passes if p.nodes == nodes]
-            lines += [f"{nodes} x {nodes} nodes, {self.precision}, {self.device}: ns per node", ""]
+            grid = " x ".join([str(nodes)] * self.axes)
+            lines += [f"{grid} nodes, {self.precision}, {self.device}: ns per node", ""]
             lines += table(_header(here), [_row(here, name) for name in dict.fromkeys(p.name for p in here)])
             lines += ["", "traffic of the widest lanes, by the minimum; stream: a copy or triad of arrays as large", ""]
             lines += table(_TRAFFIC_HEADER, [_traffic_row(p.name, p.traffic) for p in here if p.traffic is not None])
@@ -107,6 +110,7 @@ def bench_kernels(
     repeats: int = 50,
     device: str = "cpu",
     core: int | None = None,
+    solid: bool = False,
     passes: Sequence[Pass] | None = None,
     said: Callable[[str], None] = lambda line: None,
 ) -> KernelTimes:
@@ -116,12 +120,13 @@ def bench_kernels(
     that a busy spell hits all of them alike.
 
     Args:
-        sizes: Nodes along each side of the sheets.
+        sizes: Nodes along each side of the sheets or blocks.
         precision: "float32" or "float64".
         repeats: Rounds.
         device: Warp device; a CUDA device has lane width 1 only.
         core: Core to stay on; None takes the first one allowed.
-        passes: What to time, the yardstick first; None times all of PASSES.
+        solid: Time blocks instead of sheets.
+        passes: What to time, the yardstick first; None times all of PASSES or SOLID_PASSES.
         said: Told about progress.
 
     Raises:
@@ -129,13 +134,14 @@ def bench_kernels(
     """
     found = find_device(device)
     widths = (1,) if found.is_cuda else (LANE_WIDTHS[precision], 1)
-    machine, chosen = describe(), PASSES if passes is None else passes
+    body, every = (Block, SOLID_PASSES) if solid else (Sheet, PASSES)
+    machine, chosen = describe(), every if passes is None else passes
     with core_for(found, core):
         samples: list[_PassSample] = []
         streams: dict[tuple[int, int], Stream] = {}
         for nodes in sizes:
-            said(f"{nodes} x {nodes}: preparing")
-            sheets = [Sheet(nodes, precision, width, found) for width in widths]
+            said(f"{' x '.join([str(nodes)] * body.axes)}: preparing")
+            sheets: list[Any] = [body(nodes, precision, width, found) for width in widths]
             samples += [_PassSample(each, sheet) for sheet in sheets for each in chosen]
             wanted = {s.vectors for s in samples if s.key[:2] == (nodes, widths[0])}
             streams |= {(nodes, vectors): Stream(sheets[0], vectors) for vectors in wanted}
@@ -147,11 +153,11 @@ def bench_kernels(
                 stream.time()
     bandwidths = {key: each.gb_per_s() for key, each in streams.items()}
     times = tuple(_summary(samples, widths[0], bandwidths))
-    return KernelTimes(machine, str(found), precision, repeats, times, _targets(times, widths[0], precision))
+    return KernelTimes(machine, str(found), precision, repeats, body.axes, times, _targets(times, widths[0], precision))
 
 
 class _PassSample(Sample):
-    """Samples of a pass on a sheet.
+    """Samples of a pass on a sheet or block.
 
     Attributes:
         key: Nodes along each side, lane width, name of the pass.
@@ -159,10 +165,10 @@ class _PassSample(Sample):
         vectors: Its working set, in vectors per node.
     """
 
-    def __init__(self, each: Pass, sheet: Sheet) -> None:
+    def __init__(self, each: Pass, sheet: Any) -> None:
         with recorded_launches() as launches:
             each.launch(sheet)
-        self.key = (sheet.dim[0], sheet.width, each.name)
+        self.key = (sheet.side, sheet.width, each.name)
         self.work: Work = count(launches)
         self.vectors = round(self.work.working_set / (sheet.node_count * sheet.vector_size))
         super().__init__(partial(each.launch, sheet), sheet.node_count, sheet.device)

@@ -34,12 +34,17 @@ class Sheet:
         device: Warp device.
 
     Attributes:
+        axes: Axes of the grid.
+        side: Nodes along each side.
         node_count: Nodes in all.
         dim: Threads along each axis of a launch over lane groups.
         vector_size: Bytes of a vector.
     """
 
+    axes = 2
+
     def __init__(self, nodes: int, precision: str, width: int, device: Any) -> None:
+        self.side = nodes
         shape = sheet(nodes=(nodes, nodes), size=(1.0, 1.0))
         cloth = Material(areal_density=0.2, membrane_stiffness=1000.0, poisson_ratio=0.3)
         shell = replace(cloth, bending_stiffness=1e-5)
@@ -102,7 +107,7 @@ class Sheet:
         e.write_fluxes(self.state, self.p)
         assert e.gathering is not None
         kernels = products(self.width, self.real, e.gathering, False)
-        self.launch(kernels.product, e.fluxes.of_rows(0, self.dim[0]), self.state.mass, self.inertia, self.p, self.q)
+        self.launch(kernels.product, 1, e.fluxes.of_rows(0, self.dim[0]), self.state.mass, self.inertia, self.p, self.q)
 
     def updates(self) -> None:
         """All that an iteration of conjugate gradient with block-Jacobi does besides the product."""
@@ -130,10 +135,10 @@ class Limit:
 
 @dataclass(frozen=True)
 class Pass:
-    """A pass: its name, how to launch it once on a sheet, and its limit."""
+    """A pass: its name, how to launch it once on a sheet or block, and its limit."""
 
     name: str
-    launch: Callable[[Sheet], None]
+    launch: Callable[[Any], None]
     limit: Limit | None = None
 
 

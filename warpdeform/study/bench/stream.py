@@ -11,7 +11,6 @@ from typing import Any
 import warp as wp
 
 from warpdeform.kernels.lanes import kernel_module, lanes
-from warpdeform.study.bench.passes import Sheet
 from warpdeform.study.bench.sampling import Sample
 
 
@@ -50,11 +49,11 @@ class Stream:
     """Samples of a copy and a triad over arrays of some size on the grid of a sheet.
 
     Args:
-        sheet: The sheet: its grid, lane width, precision and device.
+        sheet: The sheet or block: its grid, lane width, precision and device.
         vectors: Vectors per node in all arrays together; each array gets the nearest whole share.
     """
 
-    def __init__(self, sheet: Sheet, vectors: int) -> None:
+    def __init__(self, sheet: Any, vectors: int) -> None:
         kernels = streams(sheet.width, sheet.real)
         self._kinds = (_Kind(sheet, kernels.copy, 2, vectors), _Kind(sheet, kernels.triad, 3, vectors))
 
@@ -71,7 +70,7 @@ class Stream:
 class _Kind(Sample):
     """Samples of one streaming kernel over arrays of its own."""
 
-    def __init__(self, sheet: Sheet, kernel: Any, arrays: int, vectors: int) -> None:
+    def __init__(self, sheet: Any, kernel: Any, arrays: int, vectors: int) -> None:
         each = max(1, round(vectors / arrays))
         *given, out = (sheet.numbers(3 * each) for _ in range(arrays))
         rows, groups = sheet.dim
