@@ -22,10 +22,8 @@ from warpdeform.kernels.contact_geometry import closest
 from warpdeform.kernels.contact_law import contact_law
 from warpdeform.kernels.contact_lists import LENGTH, Pair
 from warpdeform.kernels.lanes import kernel_module, lanes
-from warpdeform.kernels.potential import potential
+from warpdeform.kernels.potential import potentials
 
-LEAST = 0.01
-"""Share of the wall's thickness below which it does not grow beyond bounds."""
 FAR = 1.0e30
 """Distance of skins where nothing is near [m]."""
 CLOSE = 0.1
@@ -45,9 +43,9 @@ def contact(real: Any) -> SimpleNamespace:
     outer, apply6 = words.outer, words.apply6
     geometry, Law, at_slot = closest(real), contact_law(real), box_words(real).at_slot
     point_triangle, segment_segment = geometry.point_triangle, geometry.segment_segment
-    exponential = potential(real)
+    exponential, wall = potentials(real).exponential, potentials(real).wall
     W = wp.types.vector(4, real)
-    zero, one, half = real(0.0), real(1.0), real(0.5)
+    zero, one = real(0.0), real(1.0)
     module = kernel_module("contact", 1, real)
 
     @wp.struct
@@ -87,27 +85,13 @@ def contact(real: Any) -> SimpleNamespace:
         return first * second / (first + second)
 
     @wp.func
-    def wall(x: real):
-        """-(1 - x)^2 ln x and its derivatives; 0 from 1 on, continued by its quadratic below `LEAST`."""
-        y = wp.clamp(x, real(LEAST), one)
-        log, rest, below = wp.log(y), one - y, wp.min(x - y, zero)
-        b = -rest * rest * log
-        slope = rest * (real(2.0) * log - rest / y)
-        bend = -real(2.0) * log + rest * (real(4.0) + rest / y) / y
-        if x >= one:
-            bend = zero
-        return V(b + below * (slope + half * below * bend), slope + below * bend, bend)
-
-    @wp.func
     def density(pair: Pair, law: Law, distance: real):
         """phi and its derivatives at a distance of the middle surfaces."""
         share = one
         if pair.close == 1:
             share = real(CLOSE)
         phi = share * exponential(law.strength, share * law.eps, distance - law.offset)
-        thin = share * law.wall
-        rise = wall((distance - law.inner) / thin)
-        return phi + share * law.strength * V(rise[0], rise[1] / thin, rise[2] / (thin * thin))
+        return phi + wall(share * law.strength, share * law.wall, distance - law.inner)
 
     @wp.kernel(module=module)
     def weigh_pairs(

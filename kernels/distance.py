@@ -45,6 +45,8 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
         eps: real
         cutoff: real
         gap: real  # distance at rest [m]
+        inner: real  # distance towards which the wall grows without bound [m]
+        wall: real  # thickness of the wall outside of it [m], 0 for none
         floor: real  # approach that the guard allows to a node that is inside [m]
         friction: real
         lagged: wp.int32  # first component of its lagged friction data, -1 without friction

@@ -19,7 +19,7 @@ import warp as wp
 
 from warpdeform.kernels.distance import distances
 from warpdeform.kernels.lanes import kernel_module, lanes
-from warpdeform.kernels.potential import potential
+from warpdeform.kernels.potential import potentials
 
 STICK = 1e-4
 """u0: how far an anchor stretches before it slides [m]."""
@@ -45,9 +45,14 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
     geometry = distances(real, with_mesh)
     Obstacle, Pose = geometry.Obstacle, geometry.Pose
     remembered_distance, remember_distance = geometry.remembered_distance, geometry.remember_distance
-    exponential = potential(real)
+    exponential, wall = potentials(real).exponential, potentials(real).wall
     zero, one, half, stick = real(0.0), real(1.0), real(0.5), real(STICK)
     module = kernel_module("fields" + "_mesh" * with_mesh + "_friction" * with_friction, 1, real)
+
+    @wp.func
+    def density(o: Obstacle, f: real):
+        """phi, phi', phi'' at a distance of the skins."""
+        return exponential(o.strength, o.eps, f) + wall(o.strength, o.wall, f - o.inner)
 
     @wp.func
     def slip(o: Obstacle, pose: Pose, lagged: wp.array3d(dtype=real), i: int, j: int, z: V, x: V):
@@ -62,6 +67,7 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
         halo: int,
         lagged_iterations: int,
         mass: wp.array3d(dtype=real),
+        skin: wp.array3d(dtype=real),
         position: wp.array3d(dtype=real),
         start: wp.array3d(dtype=real),
         iteration: wp.array(dtype=wp.int32),
@@ -75,8 +81,8 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
         row, column = wp.tid()
         i = row + 1
         j = column + halo
-        m = load1(mass, 0, i, j)
-        if m == zero:
+        m, thick = load1(mass, 0, i, j), load1(skin, 0, i, j)
+        if m == zero or thick < zero:
             return
         z = load3(position, 0, i, j)
         g = V()
@@ -86,12 +92,13 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
             pose = poses[k]
             p = wp.transpose(pose.rotation) * (z - pose.position)
             # Twice the cutoff, so that a node far from a mesh need not ask again as long as it moves little.
-            d = remembered_distance(o, memory_out, i, j, p, real(2.0) * o.cutoff)
+            d = remembered_distance(o, memory_out, i, j, p, real(2.0) * o.cutoff + thick)
             remember_distance(o, memory_out, i, j, p, d)
+            d[3] = d[3] - thick
             press = zero
             if d[3] < o.cutoff:
                 n = pose.rotation * V(d[0], d[1], d[2])
-                phi = exponential(o.strength, o.eps, d[3])
+                phi = density(o, d[3])
                 press = -m * phi[1]
                 g -= press * n
                 b += m * phi[2] * outer(n, n)
@@ -129,6 +136,7 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
     def add_field_energy(
         halo: int,
         mass: wp.array3d(dtype=real),
+        skin: wp.array3d(dtype=real),
         position: wp.array3d(dtype=real),
         start: wp.array3d(dtype=real),
         obstacles: wp.array(dtype=Obstacle),
@@ -140,17 +148,18 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
         row, column = wp.tid()
         i = row + 1
         j = column + halo
-        m = load1(mass, 0, i, j)
-        if m == zero:
+        m, thick = load1(mass, 0, i, j), load1(skin, 0, i, j)
+        if m == zero or thick < zero:
             return
         z = load3(position, 0, i, j)
         e = wp.float64(0.0)
         for k in range(obstacles.shape[0]):
             o = obstacles[k]
             pose = poses[k]
-            d = remembered_distance(o, memory, i, j, wp.transpose(pose.rotation) * (z - pose.position), o.cutoff)
-            if d[3] < o.cutoff:
-                e += wp.float64(m * exponential(o.strength, o.eps, d[3])[0])
+            p = wp.transpose(pose.rotation) * (z - pose.position)
+            f = remembered_distance(o, memory, i, j, p, o.cutoff + thick)[3] - thick
+            if f < o.cutoff:
+                e += wp.float64(m * density(o, f)[0])
             if wp.static(with_friction):
                 if o.lagged >= 0:
                     load = o.friction * load1(lagged, o.lagged + LOAD, i, j)
@@ -173,6 +182,7 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
     def begin_friction(
         halo: int,
         mass: wp.array3d(dtype=real),
+        skin: wp.array3d(dtype=real),
         position: wp.array3d(dtype=real),
         obstacles: wp.array(dtype=Obstacle),
         poses: wp.array(dtype=Pose),
@@ -184,7 +194,7 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
         row, column = wp.tid()
         i = row + 1
         j = column + halo
-        if load1(mass, 0, i, j) == zero:
+        if load1(mass, 0, i, j) == zero or load1(skin, 0, i, j) < zero:
             return
         x = load3(position, 0, i, j)
         store3(start_out, 0, i, j, x)
@@ -193,15 +203,17 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
             if o.lagged >= 0:
                 pose = poses[k]
                 p = (wp.transpose(pose.rotation) - pose.turn) * (x + pose.shift - pose.position)
-                d = remembered_distance(o, memory, i, j, p, real(2.0) * o.cutoff)
+                thick = load1(skin, 0, i, j)
+                d = remembered_distance(o, memory, i, j, p, real(2.0) * o.cutoff + thick)
                 store3(lagged_out, o.lagged + NORMAL, i, j, V(d[0], d[1], d[2]))
-                if d[3] >= o.cutoff:
+                if d[3] - thick >= o.cutoff:
                     store3(lagged_out, o.lagged + ANCHOR, i, j, V())
 
     @wp.kernel(module=module)
     def finish_friction(
         halo: int,
         mass: wp.array3d(dtype=real),
+        skin: wp.array3d(dtype=real),
         position: wp.array3d(dtype=real),
         start: wp.array3d(dtype=real),
         obstacles: wp.array(dtype=Obstacle),
@@ -212,7 +224,7 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
         row, column = wp.tid()
         i = row + 1
         j = column + halo
-        if load1(mass, 0, i, j) == zero:
+        if load1(mass, 0, i, j) == zero or load1(skin, 0, i, j) < zero:
             return
         z = load3(position, 0, i, j)
         for k in range(obstacles.shape[0]):

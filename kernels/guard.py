@@ -62,8 +62,12 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
         return still
 
     @wp.func
-    def free_share(o: Obstacle, pose: Pose, x: V, d: V, stop: real):
+    def free_share(o: Obstacle, pose: Pose, thick: real, x: V, d: V, stop: real):
         """How much of the way from x to x + d a node may go while the obstacle makes its motion (sphere tracing).
+
+        Args:
+            thick: Distance of the skin from the node [m].
+            stop: Distance of the skins [m].
 
         It ends where the distance has fallen to `stop` and goes on falling, or when the steps are used up.
         """
@@ -75,13 +79,14 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
             side = zero
             for _ in range(256):
                 p = seen(pose, share, x + share * d)
-                f = signed_distance(o, p, way + stop, side)
-                step = f[3] - near * stop
-                if f[3] <= stop:
+                f = signed_distance(o, p, way + stop + thick, side)
+                apart = f[3] - thick
+                step = apart - near * stop
+                if apart <= stop:
                     drift = turned(pose, share, d - pose.shift) - wp.cross(wp.transpose(pose.rotation) * pose.spin, p)
                     if wp.dot(drift, V(f[0], f[1], f[2])) < zero:
                         return share
-                    step = wp.max(wp.abs(f[3]), real(1e-4) * o.eps)
+                    step = wp.max(wp.abs(apart), real(1e-4) * o.eps)
                 side = side_within(f, step)
                 share += step / way
                 if share >= one:
@@ -89,13 +94,21 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
         return share
 
     @wp.func
-    def approach(o: Obstacle, pose: Pose, memory: wp.array3d(dtype=real), i: int, j: int, z: V, length: real):
+    def approach(
+        o: Obstacle, pose: Pose, memory: wp.array3d(dtype=real), thick: real, i: int, j: int, z: V, length: real
+    ):
         """The outward normal at z and how far a node may go against it; no normal where `length` [m] does no harm."""
         p = wp.transpose(pose.rotation) * (z - pose.position)
-        f = remembered_distance(o, memory, i, j, p, real(1.2) * length + nearest * o.gap)
+        f = remembered_distance(o, memory, i, j, p, real(1.2) * length + nearest * o.gap + o.wall + thick)
+        apart = f[3] - thick
         room = o.floor
-        if f[3] > zero:
-            room = wp.max(wp.min(near * f[3], f[3] - nearest * o.gap), zero)
+        if apart > zero:
+            room = wp.max(wp.min(near * apart, apart - nearest * o.gap), zero)
+            if o.wall > zero:
+                # Into the wall half the way at most: its potential must not rise too much in one update.
+                edge = o.inner + o.wall
+                inside = wp.max(wp.min(apart, edge) - nearest * o.gap, zero)
+                room = wp.min(room, wp.max(apart - edge, zero) + real(0.5) * inside)
         result = F(zero, zero, zero, length)
         if length > room:
             n = pose.rotation * V(f[0], f[1], f[2])
@@ -106,6 +119,7 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
     def guard_direction(
         halo: int,
         free: wp.array3d(dtype=real),
+        skin: wp.array3d(dtype=real),
         position: wp.array3d(dtype=real),
         obstacles: wp.array(dtype=Obstacle),
         poses: wp.array(dtype=Pose),
@@ -117,6 +131,7 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
         j = column + halo
         if load1(free, 0, i, j) == zero:
             return
+        thick = wp.max(load1(skin, 0, i, j), zero)
         z = load3(position, 0, i, j)
         d = load3(direction_out, 0, i, j)
         length = wp.length(d)
@@ -129,7 +144,7 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
             for k in range(obstacles.shape[0]):
                 o = obstacles[k]
                 pose = poses[k]
-                a = approach(o, pose, memory, i, j, z, length)
+                a = approach(o, pose, memory, thick, i, j, z, length)
                 n = V(a[0], a[1], a[2])
                 if wp.dot(n, n) > zero:
                     limits += 1
@@ -142,7 +157,7 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
                             d = (allow / toward) * d
                         if hollow(o):
                             stop = wp.max(allow / real(9.0), nearest * o.gap)  # where the rule above leaves it
-                            d = free_share(o, standing(pose), z, d, stop) * d
+                            d = free_share(o, standing(pose), thick, z, d, stop) * d
             if limits == 0:
                 sweep = 4
             elif limits == 1 and sweep < 3:
@@ -155,6 +170,7 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
     def carry_nodes(
         halo: int,
         free: wp.array3d(dtype=real),
+        skin: wp.array3d(dtype=real),
         position: wp.array3d(dtype=real),
         obstacles: wp.array(dtype=Obstacle),
         poses: wp.array(dtype=Pose),
@@ -166,13 +182,14 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
         j = column + halo
         if load1(free, 0, i, j) == zero:
             return
+        thick = wp.max(load1(skin, 0, i, j), zero)
         x = load3(position, 0, i, j)
         z = load3(start_out, 0, i, j)
         for _ in range(2):
             for k in range(obstacles.shape[0]):
                 o = obstacles[k]
                 pose = poses[k]
-                share = free_share(o, pose, x, z - x, real(0.5) * o.eps)
+                share = free_share(o, pose, thick, x, z - x, real(0.5) * o.eps)
                 if share < one:
                     z = pose.position + pose.rotation * seen(pose, share, x + share * (z - x))
         store3(start_out, 0, i, j, z)
@@ -181,6 +198,7 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
     def foresee_impacts(
         halo: int,
         free: wp.array3d(dtype=real),
+        skin: wp.array3d(dtype=real),
         position: wp.array3d(dtype=real),
         predicted: wp.array3d(dtype=real),
         obstacles: wp.array(dtype=Obstacle),
@@ -197,6 +215,7 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
         j = column + halo
         if load1(free, 0, i, j) == zero:
             return
+        thick = wp.max(load1(skin, 0, i, j), zero)
         x = load3(position, 0, i, j)
         d = load3(predicted, 0, i, j) - x
         for k in range(obstacles.shape[0]):
@@ -206,10 +225,10 @@ def guards(real: Any, with_mesh: bool) -> SimpleNamespace:
             length = wp.length(way)
             if length > o.gap:
                 p = wp.transpose(pose.rotation) * (x - pose.position)
-                f = remembered_distance(o, memory, i, j, p, length + o.cutoff)
+                f = remembered_distance(o, memory, i, j, p, length + o.cutoff + thick)
                 toward = -wp.dot(wp.transpose(pose.rotation) * way, V(f[0], f[1], f[2]))
-                if f[3] < length + o.cutoff and toward > o.gap:
-                    if free_share(o, standing(pose), x, way, o.cutoff) < one:
+                if f[3] - thick < length + o.cutoff and toward > o.gap:
+                    if free_share(o, standing(pose), thick, x, way, o.cutoff) < one:
                         impact_out[0] = 1
 
     return SimpleNamespace(guard_direction=guard_direction, carry_nodes=carry_nodes, foresee_impacts=foresee_impacts)

@@ -49,9 +49,10 @@ class LooseNodes:
     def download(self, array: wp.array) -> Points:
         return self.layout.unpack(array.numpy())[:, 0].astype(np.float64)
 
-    def field(self, *obstacles: Obstacle) -> ObstacleField:
+    def field(self, *obstacles: Obstacle, walled: bool = False, skin: Points | None = None) -> ObstacleField:
         speed = float(np.max(np.linalg.norm(self.velocity, axis=1)))
-        return ObstacleField(self, obstacles, tuple(self.gravity), self.position[:, None], speed)
+        apart = None if skin is None else skin[:, None]
+        return ObstacleField(self, obstacles, tuple(self.gravity), self.position[:, None], speed, apart, walled)
 
     def energies(self, field: ObstacleField, z: Points) -> Points:
         self.partials.zero_()

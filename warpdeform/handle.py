@@ -20,6 +20,7 @@ from warpdeform.forces.solid_elasticity import SolidElasticity
 from warpdeform.forces.springs import Springs
 from warpdeform.forces.surface_elasticity import SurfaceElasticity
 from warpdeform.forces.wind_load import WindLoad
+from warpdeform.integrators import INTEGRATORS
 from warpdeform.measure import exposed_shares
 from warpdeform.model import Model
 from warpdeform.obstacle import Obstacle
@@ -61,6 +62,14 @@ def _solid(model: Model) -> SolidElasticity:
     if body.material.inversion_barrier:
         refuse_inverted(model.grid, rest, model.initial_positions)
     return SolidElasticity(model.grid, model.layout, rest, body.material, model.real, model.device)
+
+
+def _skin(body: Body, model: Model) -> Array:
+    """How far the skin is from each node [m]; negative at inner nodes of solids, which have none."""
+    skin = 0.5 * body.skin_thicknesses()
+    if body.kind == "solid":
+        skin[~exposed_shares(model.grid, body.shape.positions).any(axis=-1)] = -1.0
+    return skin
 
 
 ELASTICITY: dict[str, Callable[[Model], Force]] = {
@@ -112,7 +121,9 @@ class BodyHandle:
         if obstacles:
             speed = float(np.linalg.norm(body.velocity))
             positions = model.initial_positions
-            terms.append(ObstacleField(state, obstacles, settings.gravity, positions, speed))
+            skin = _skin(body, model)
+            walled = not INTEGRATORS[settings.integrator].explicit
+            terms.append(ObstacleField(state, obstacles, settings.gravity, positions, speed, skin, walled))
         self.terms = tuple(terms)
 
     @property

@@ -151,6 +151,41 @@ def test_the_potential_is_continued_twice_differentiably() -> None:
         np.testing.assert_allclose(values[3:6], values[4], rtol=1e-8)  # continuous across the surface
 
 
+def test_the_wall_takes_over_inside_half_the_gap_and_grows_until_the_guard_holds() -> None:
+    plane = Obstacle("plane", design_speed=2.0)
+    gap, mass = plane.gap, 0.003
+    f = np.array([0.05, 0.1499, 0.1501, 0.16, 0.2, 0.3, 0.45, 0.499, 0.501, 0.8]) * gap
+    nodes = LooseNodes(np.stack([0 * f, 0 * f, f], axis=1))
+    bare, field = nodes.field(plane), nodes.field(plane, walled=True)
+    x = np.maximum((f / gap - 0.15) / 0.35, 0.01)
+    rise = np.where(x < 1, -((1 - x) ** 2) * np.log(x), 0.0)
+    slope = np.where(x < 1, (1 - x) * (2 * np.log(x) - (1 - x) / x), 0.0)
+    below = (f / gap - 0.15) / 0.35 - x
+    rise += np.where(x <= 0.01, below * slope, 0.0)
+    added = nodes.energies(field, nodes.position) - nodes.energies(bare, nodes.position)
+    np.testing.assert_allclose(added, mass * 2.0 * rise, rtol=1e-9, atol=1e-15)
+    force = nodes.gradient(field, nodes.position)[:, 2] - nodes.gradient(bare, nodes.position)[:, 2]
+    np.testing.assert_allclose(force, mass * 2.0 * slope / (0.35 * gap), rtol=1e-9, atol=1e-12)
+    step = 1e-7 * gap
+    ahead = nodes.gradient(field, nodes.position + [0, 0, step])[:, 2]
+    behind = nodes.gradient(field, nodes.position - [0, 0, step])[:, 2]
+    nodes.gradient(field, nodes.position)
+    np.testing.assert_allclose(nodes.blocks(field)[:, 2, 2], (ahead - behind) / (2 * step), rtol=1e-4, atol=1e-6)
+
+
+def test_distances_are_those_of_the_skin() -> None:
+    ball = Obstacle("sphere", {"radius": 0.1}, design_speed=2.0)
+    height = np.array([0.1005, 0.1008, 0.102])
+    places = np.stack([0 * height, 0 * height, height], axis=1)
+    skin = np.array([0.003, 0.0, -1.0])
+    thick, thin = LooseNodes(places + [[0, 0, 0.003], [0, 0, 0], [0, 0, 0]]), LooseNodes(places)
+    field, bare = thick.field(ball, skin=skin, walled=True), thin.field(ball, walled=True)
+    expected = thin.energies(bare, thin.position) * [1, 1, 0]
+    np.testing.assert_allclose(thick.energies(field, thick.position), expected, rtol=1e-9)
+    force = thin.gradient(bare, thin.position) * [[1], [1], [0]]
+    np.testing.assert_allclose(thick.gradient(field, thick.position), force, rtol=1e-9)
+
+
 @pytest.mark.parametrize("real", REALS)
 def test_every_kernel_compiles_for_cuda(real: Any, tmp_path: Path) -> None:
     for kernel in (fields(real, True, True).linearise_fields, guards(real, True).carry_nodes):

@@ -20,6 +20,12 @@ from warpdeform.track import multiply, rotation_matrix, to_rotation_vector
 _meshes: "weakref.WeakKeyDictionary[Obstacle, dict[str, wp.Mesh]]" = weakref.WeakKeyDictionary()
 
 
+INNER = 0.15
+"""Distance towards which the wall grows without bound, as a share of the gap: the guard lets nothing come nearer."""
+WALL = 0.35
+"""Thickness of the wall outside of it, as a share of the gap: what rests at the gap does not feel it."""
+
+
 class ObstacleField(Force):
     """The obstacles of a scene acting on one body, all of them in each launch.
 
@@ -27,6 +33,9 @@ class ObstacleField(Force):
     a node that is inside a solid move by half of eps against it at a time; the slack of half the inradius of design 5.1
     let nodes through by 0.7 gaps where Newton was capped. Thin obstacles (a plate thinner than two gaps, the cone with
     its tip, meshes) give no way at all.
+
+    Distances are those of the skin: of a node less the half thickness of its body there. Inner nodes of solids feel no
+    field, but the guard holds for them too. Inside half the gap there is a wall (:mod:`warpdeform.kernels.potential`).
 
     `linearise` keeps gradient and blocks; `finish` expects the accepted position in `body.x`. In `prepare`, dt is the
     time from the start of the step to the end of the stage.
@@ -44,6 +53,8 @@ class ObstacleField(Force):
         gravity: Sequence[float],
         positions: NDArray[np.float64],
         speed: float = 0.0,
+        skin: NDArray[np.float64] | None = None,
+        walled: bool = True,
     ) -> None:
         """Make the term.
 
@@ -53,6 +64,8 @@ class ObstacleField(Force):
             gravity: Acceleration of gravity [m/s2].
             positions: Initial node positions [m], shape (nu, nv, 3), for the design speeds that are left out.
             speed: Fastest initial node speed [m/s], likewise.
+            skin: Distance of the skin from each node [m], shape (*nodes), negative where there is none; None: 0.
+            walled: Whether there is a wall: no explicit step is short enough for it.
         """
         real, device, layout = body.real, body.device, body.layout
         self.obstacles = tuple(obstacles)
@@ -77,6 +90,10 @@ class ObstacleField(Force):
         def zeros(components: int) -> wp.array:
             return wp.zeros((components, *plane), dtype=real, device=device)
 
+        self._walled = walled
+        self._skin = zeros(1)
+        if skin is not None:
+            self._skin.assign(layout.pack(np.asarray(skin)[..., None]))
         self._records: wp.array = wp.array(self._describe(), dtype=self._geometry.Obstacle, device=device)
         self._pose_values = self._pose_records(0.0, 0.0)
         self._poses: wp.array = wp.array(self._pose_values, dtype=self._geometry.Pose, device=device)
@@ -93,7 +110,16 @@ class ObstacleField(Force):
         return (*(f"fields.{name}" for name in names), *(f"guard.{name}" for name in guards))
 
     def bytes(self) -> int:
-        arrays = (self._records, self._poses, self._gradient, self._block, self._start, self._lagged, self._memory)
+        arrays = (
+            self._records,
+            self._poses,
+            self._gradient,
+            self._block,
+            self._start,
+            self._lagged,
+            self._memory,
+            self._skin,
+        )
         meshes = (array for mesh in self._held for array in (mesh.points, mesh.indices))
         return sum(int(array.capacity) for array in (*arrays, *meshes))
 
@@ -111,16 +137,16 @@ class ObstacleField(Force):
 
     def begin(self, body: BodyArrays) -> None:
         if self._has_friction:
-            inputs = [body.layout.halo, body.mass, body.x, self._records, self._poses, self._memory]
+            inputs = [body.layout.halo, body.mass, self._skin, body.x, self._records, self._poses, self._memory]
             self._launch(body, self._kernels.begin_friction, inputs, [self._start, self._lagged])
 
     def linearise(self, body: BodyArrays, position: wp.array) -> None:
-        inputs = [body.layout.halo, LAGGED_ITERATIONS, body.mass, position, body.x, body.iteration]
+        inputs = [body.layout.halo, LAGGED_ITERATIONS, body.mass, self._skin, position, body.x, body.iteration]
         outputs = [self._lagged, self._memory, self._gradient, self._block]
         self._launch(body, self._kernels.linearise_fields, [*inputs, self._records, self._poses], outputs)
 
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
-        inputs = [body.layout.halo, body.mass, position, body.x]
+        inputs = [body.layout.halo, body.mass, self._skin, position, body.x]
         inputs += [self._records, self._poses, self._lagged, self._memory]
         self._launch(body, self._kernels.add_field_energy, inputs, [partials])
 
@@ -132,20 +158,20 @@ class ObstacleField(Force):
 
     def carry(self, body: BodyArrays, start: wp.array) -> None:
         if self._moving:
-            inputs = [body.layout.halo, body.free, body.x, self._records, self._poses]
+            inputs = [body.layout.halo, body.free, self._skin, body.x, self._records, self._poses]
             self._launch(body, self._guards.carry_nodes, inputs, [start])
 
     def guard(self, body: BodyArrays, position: wp.array, direction: wp.array) -> None:
-        inputs = [body.layout.halo, body.free, position, self._records, self._poses, self._memory]
+        inputs = [body.layout.halo, body.free, self._skin, position, self._records, self._poses, self._memory]
         self._launch(body, self._guards.guard_direction, inputs, [direction])
 
     def foresee(self, body: BodyArrays, predicted: wp.array, impact: wp.array) -> None:
-        inputs = [body.layout.halo, body.free, body.x, predicted, self._records, self._poses, self._memory]
+        inputs = [body.layout.halo, body.free, self._skin, body.x, predicted, self._records, self._poses, self._memory]
         self._launch(body, self._guards.foresee_impacts, inputs, [impact])
 
     def finish(self, body: BodyArrays) -> None:
         if self._has_friction:
-            inputs = [body.layout.halo, body.mass, body.x, self._start, self._records, self._poses]
+            inputs = [body.layout.halo, body.mass, self._skin, body.x, self._start, self._records, self._poses]
             self._launch(body, self._kernels.finish_friction, inputs, [self._lagged])
 
     def keep(self, body: BodyArrays) -> None:
@@ -173,6 +199,8 @@ class ObstacleField(Force):
             record["half_thickness"] = 0.5 * each.thickness
             record["strength"], record["eps"] = 0.5 * constants.design_speed**2, constants.range
             record["cutoff"], record["gap"] = constants.cutoff, each.gap
+            if self._walled:
+                record["inner"], record["wall"] = INNER * each.gap, WALL * each.gap
             record["floor"] = 0.5 * constants.range if each.inradius >= each.gap else 0.0
             record["friction"], record["lagged"], record["memory"] = each.friction, -1, -1
             if each.friction > 0.0:
