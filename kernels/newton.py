@@ -208,7 +208,6 @@ def decisions() -> SimpleNamespace:
         scalars_out[UNSOLVED] = wp.sqrt(wp.max(cg_scalars[RZ], wp.float64(0.0)))
         if cg_state[1] >= cg_cap[0]:
             state_out[CG_CAPPED] = state_out[CG_CAPPED] + 1
-        scalars_out[SLOPE] = wp.min(scalars_out[SLOPE], wp.float64(0.0))
         scalars_out[LENGTH] = wp.float64(1.0)
         state_out[SEARCH_ACTIVE] = 1
         state_out[SEARCH_HALVINGS] = 0
@@ -221,7 +220,9 @@ def decisions() -> SimpleNamespace:
     ):
         """Armijo's test, with the round-off of the sums allowed for; after the last halving the iterate stays."""
         round_off = control[ULP] * (scalars_out[PHI + 1] + scalars_out[PHI_TRIAL + 1])
-        bound = scalars_out[PHI] + ARMIJO * scalars_out[LENGTH] * scalars_out[SLOPE] + round_off
+        bound = (
+            scalars_out[PHI] + ARMIJO * scalars_out[LENGTH] * wp.min(scalars_out[SLOPE], wp.float64(0.0)) + round_off
+        )
         if scalars_out[PHI_TRIAL] <= bound:
             state_out[SEARCH_ACTIVE] = 0
         else:
@@ -255,7 +256,8 @@ def decisions() -> SimpleNamespace:
             if scalars_out[LENGTH] == wp.float64(0.0):
                 # An update below the tolerance that does not lower the potential either is lost in its round-off.
                 outcome = wp.where(scalars_out[UPDATE] <= control[UPDATE_TOLERANCE], ROUND_OFF, STALLED)
-            if -scalars_out[SLOPE] <= round_off:
+            # Upwards leads only what a guard has changed: that is not lost in round-off.
+            if wp.abs(scalars_out[SLOPE]) <= round_off:
                 outcome = ROUND_OFF
             if update <= control[UPDATE_TOLERANCE] and scalars_out[LENGTH] > wp.float64(0.0):
                 outcome = CONVERGED

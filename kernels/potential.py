@@ -8,7 +8,8 @@ Both are a strength V^2/2 times
 The exponential stops what comes at a design speed, and at rest keeps the gap. It carries only so much: light nodes that
 heavy ones hang on, or cloth that is drawn tight, are pressed through it to where the guard holds them, and there no
 line search gets anywhere. The wall takes over inside half the gap: its force grows without bound towards `inner`, as
-that of Li et al. 2020 (Incremental potential contact); below `LEAST` of its thickness it stays what it is there.
+that of Li et al. 2020 (Incremental potential contact); below `LEAST` of its thickness it stays what it is there, and so
+does its phi'', as an upper bound: else Newton would throw out what is pressed so deep.
 """
 
 import functools
@@ -26,7 +27,7 @@ def potentials(real: Any) -> SimpleNamespace:
     """Device functions for one precision.
 
     `exponential`: (strength, eps, f) -> (phi, phi', phi'').
-    `wall`: (strength, thin, f - inner) -> (phi, phi', phi''); nothing where thin is 0.
+    `wall`: (strength, thin, f - inner) -> (phi, phi', phi'' or more); nothing where thin is 0.
     """
     V = wp.types.vector(3, real)
     zero, one, half, two = real(0.0), real(1.0), real(0.5), real(2.0)
@@ -46,8 +47,6 @@ def potentials(real: Any) -> SimpleNamespace:
             log, rest = wp.log(y), one - y
             slope = rest * (two * log - rest / y)
             bend = -two * log + rest * (real(4.0) + rest / y) / y
-            if x < y:
-                bend = zero
             rise = strength * V((x - y) * slope - rest * rest * log, slope / thin, bend / (thin * thin))
         return rise
 

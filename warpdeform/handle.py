@@ -20,7 +20,6 @@ from warpdeform.forces.solid_elasticity import SolidElasticity
 from warpdeform.forces.springs import Springs
 from warpdeform.forces.surface_elasticity import SurfaceElasticity
 from warpdeform.forces.wind_load import WindLoad
-from warpdeform.integrators import INTEGRATORS
 from warpdeform.measure import exposed_shares
 from warpdeform.model import Model
 from warpdeform.obstacle import Obstacle
@@ -83,6 +82,9 @@ ELASTICITY: dict[str, Callable[[Model], Force]] = {
 class BodyHandle:
     """One body of a simulation: its arrays and what can be measured on it.
 
+    A body is laden if its nodes carry those of others: obstacles then have a wall for it, because their field is made
+    for what a node weighs itself.
+
     Attributes:
         body: What the user described.
         model: Its constants on the device.
@@ -99,6 +101,7 @@ class BodyHandle:
         device: Any,
         iteration: wp.array,
         lane_width: int | None,
+        laden: bool = False,
     ) -> None:
         self.body = body
         self.model = Model(body, settings.precision, device, lane_width)
@@ -122,8 +125,7 @@ class BodyHandle:
             speed = float(np.linalg.norm(body.velocity))
             positions = model.initial_positions
             skin = _skin(body, model)
-            walled = not INTEGRATORS[settings.integrator].explicit
-            terms.append(ObstacleField(state, obstacles, settings.gravity, positions, speed, skin, walled))
+            terms.append(ObstacleField(state, obstacles, settings.gravity, positions, speed, skin, laden))
         self.terms = tuple(terms)
 
     @property

@@ -64,10 +64,9 @@ class Simulation:
         self.integrator = INTEGRATORS[self.settings.integrator]()
         self._captured = captured
         self._iteration: wp.array = wp.zeros(1, dtype=wp.int32, device=self.device)
-        self.bodies = tuple(
-            BodyHandle(body, self.obstacles, wind, self.settings, self.device, self._iteration, lane_width)
-            for body in bodies
-        )
+        laden = {attachment.to for attachment in attachments if attachment.stiffness is None}
+        shared = (self.obstacles, wind, self.settings, self.device, self._iteration, lane_width)
+        self.bodies = tuple(BodyHandle(body, *shared, body.name in laden) for body in bodies)
         states = [handle.state for handle in self.bodies]
         nodes = sum(handle.model.grid.node_count for handle in self.bodies)
         self.threads = choose_threads(self.settings.threads, nodes, self.device) if captured else 1

@@ -256,6 +256,26 @@ def peers(
     _report(run, as_json)
 
 
+@bench.command()
+@ending_well
+def contact(
+    nodes: Annotated[int, typer.Option("--nodes", min=17, help="Nodes along each side.")] = 257,
+    layers: Annotated[int, typer.Option("--layers", min=2, help="Layers of the folded sheet.")] = 16,
+    repeats: Repeats = 5,
+    core: Core = None,
+    peers: Annotated[bool, typer.Option("--peers/--no-peers", help="Newton's VBD too, if it is installed.")] = True,
+    as_json: Json = False,
+) -> None:
+    """Time contact: each of its phases, and steps of two scenes with it and without, beside Newton's VBD."""
+
+    def run() -> Result:
+        from warpdeform.study.bench.contact import bench_contact
+
+        return bench_contact(nodes, layers, repeats=repeats, core=core, peers=peers, said=_say)
+
+    _report(run, as_json)
+
+
 def _report(run: Callable[[], Result], as_json: bool) -> None:
     from warpdeform.cli.ending import quiet_warp
 

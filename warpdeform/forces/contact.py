@@ -192,21 +192,27 @@ class ContactSystem(Coupling):
         slots.launch(self._kernels.measure_move, slots.blocks, slots.points, self._listed, self._move)
         slots.launch(self._kernels.judge_move, 1, self._slack, self._move, self._state)
         choose(self._stale, self._find, None)
-        choose(self.list.any, self._linearise, None)
+        choose(self.list.any, self.narrow, None)
         self._fitted = vector
 
     def _find(self) -> None:
-        slots, found = self.slots, self._found
+        slots = self.slots
         slots.fit()
+        self.search()
+        slots.launch(self._kernels.keep_points, slots.blocks, slots.points, self._listed)
+        choose(self.list.any, lambda: self._on_pairs("weigh_pairs", slots.points, self._masses, self._weights), None)
+
+    def search(self) -> None:
+        """List the pairs that feel each other, at the slots' points with boxes around them."""
+        slots, found = self.slots, self._found
         slots.launch(
             self._search.find_pairs, (slots.blocks, slots.parts), slots.parts, slots.tables, slots.scene,
             self.list.lost, found.numbers, found.points, found.edges,
         )  # fmt: skip
         self.list.pack(slots.tables)
-        slots.launch(self._kernels.keep_points, slots.blocks, slots.points, self._listed)
-        choose(self.list.any, lambda: self._on_pairs("weigh_pairs", slots.points, self._masses, self._weights), None)
 
-    def _linearise(self) -> None:
+    def narrow(self) -> None:
+        """Find out what the listed pairs do at the slots' points."""
         slots = self.slots
         laws = (slots.scene.laws, self._weights)
         self._on_pairs("linearise_pairs", *laws, slots.points, self._closest, self._shares, self._pushes)

@@ -35,7 +35,8 @@ class ObstacleField(Force):
     its tip, meshes) give no way at all.
 
     Distances are those of the skin: of a node less the half thickness of its body there. Inner nodes of solids feel no
-    field, but the guard holds for them too. Inside half the gap there is a wall (:mod:`warpdeform.kernels.potential`).
+    field, but the guard holds for them too. Inside half the gap there may be a wall, see
+    :mod:`warpdeform.kernels.potential`.
 
     `linearise` keeps gradient and blocks; `finish` expects the accepted position in `body.x`. In `prepare`, dt is the
     time from the start of the step to the end of the stage.
@@ -54,7 +55,7 @@ class ObstacleField(Force):
         positions: NDArray[np.float64],
         speed: float = 0.0,
         skin: NDArray[np.float64] | None = None,
-        walled: bool = True,
+        walled: bool = False,
     ) -> None:
         """Make the term.
 
@@ -65,7 +66,7 @@ class ObstacleField(Force):
             positions: Initial node positions [m], shape (nu, nv, 3), for the design speeds that are left out.
             speed: Fastest initial node speed [m/s], likewise.
             skin: Distance of the skin from each node [m], shape (*nodes), negative where there is none; None: 0.
-            walled: Whether there is a wall: no explicit step is short enough for it.
+            walled: Whether there is a wall, for nodes that are pressed by more than their own weight.
         """
         real, device, layout = body.real, body.device, body.layout
         self.obstacles = tuple(obstacles)

@@ -104,11 +104,11 @@ def _nothing_inside(history: History, simulation: Simulation, name: str, deepest
     return Claim(f"depth of {name} inside an obstacle [m]", worst, 0.0, deepest)
 
 
-def _nothing_crosses(history: History, simulation: Simulation, every: int = 6) -> Claim:
-    """No edge goes through a triangle, of its own body or another, at the last frame and every so many before it."""
+def _nothing_crosses(history: History, simulation: Simulation) -> Claim:
+    """No edge goes through a triangle, of its own body or another, in any frame."""
     simplices = Simplices.joined([Simplices.of_grid(handle.model.grid) for handle in simulation.bodies])
-    frames = list(zip(*(history.positions[handle.name] for handle in simulation.bodies), strict=True))
-    points = (np.concatenate([x.reshape(-1, 3) for x in frame]) for frame in frames[::-every])
+    frames = zip(*(history.positions[handle.name] for handle in simulation.bodies), strict=True)
+    points = (np.concatenate([x.reshape(-1, 3) for x in frame]) for frame in frames)
     return Claim("edges through triangles", max(len(crossing_pairs(x, simplices)) for x in points), 0, 0)
 
 
@@ -138,7 +138,7 @@ def flag(simulation: Simulation, history: History) -> list[Claim]:
     return [
         _pins_still(history, simulation),
         _stretch(simulation, 1.25),
-        _nothing_crosses(history, simulation, every=20),
+        _nothing_crosses(history, simulation),
         Claim("mean distance of the outer edge downwind, of the length", float(outer[:, 0].mean()) / length, 0.7, 1.0),
         Claim("swing of the outer edge across the wind (rms) [m]", float(outer[:, 1].std()), 0.02, 0.6),
         Claim("mean sinking of the outer edge [m]", float(1.95 - outer[:, 2].mean()), -0.1, 0.6),
@@ -154,7 +154,7 @@ def carpet(simulation: Simulation, history: History) -> list[Claim]:
     return [
         _stretch(simulation, 1.4),
         _nothing_inside(history, simulation, "carpet", 1e-3),
-        _nothing_crosses(history, simulation, every=20),
+        _nothing_crosses(history, simulation),
         Claim("highest node above the ball's top [m]", float(frames[-1][..., 2].max()) - top, 0.0, 0.02),
         Claim("lowest node above the ground [m]", float(frames[-1][..., 2].min()), 0.0, 0.05),
         Claim("speed at the end (rms) [m/s]", float(np.sqrt(np.mean(speed**2))), 0.0, 0.05),
@@ -294,6 +294,22 @@ def layers(simulation: Simulation, history: History) -> list[Claim]:
     ]
 
 
+def curtain(simulation: Simulation, history: History) -> list[Claim]:
+    """The leading ring takes the others along; all stay on the rod and in their order, the curtain with them."""
+    rings = np.array(history.positions["rings"])
+    places = rings[..., 0].mean(axis=1)
+    middle, top = rings[..., 1:].mean(axis=1), rings[..., 2].max(axis=1)
+    return [
+        _stretch(simulation, 1.1),
+        _nothing_inside(history, simulation, "curtain", 1e-3, every=6),
+        Claim("leading ring at the end [m]", float(places[-1, -1]), 0.38, 0.44),
+        Claim("least distance of a ring from the next [m]", float(np.diff(places[1:], axis=1).min()), 1e-3, 0.2),
+        Claim("most rings pushed together at the end", float((np.diff(places[-1]) < 0.02).sum() + 1), 3, 9),
+        Claim("middle of a ring below the rod's [m]", float(1.5 - middle[1:, :, 1].min()), 0.0, 0.02),
+        Claim("lowest top of a ring over the middle of the rod [m]", float(top[1:].min() - 1.5), 0.01, 0.02),
+    ]
+
+
 def _fallen(frames: list[Array]) -> float:
     """How far below its start the lowest node of all frames is [m]."""
     return float(frames[0][..., 2].min() - min(frame[..., 2].min() for frame in frames))
@@ -314,6 +330,7 @@ CHECKS: dict[str, Check] = {
         crumple,
         twist,
         layers,
+        curtain,
     )
 }
 """The check of each packaged scene, by the scene's name."""
