@@ -272,3 +272,14 @@ def test_words_of_a_contact_are_checked(words: dict[str, Any], problem: str) -> 
         wd.Contact(**{"bodies": ("a", "b")} | words)
     with pytest.raises(InputError, match=r"contact_thickness = nan: must be finite"):
         wd.Body("a", SHEET, CLOTH, contact_thickness=float("nan"))
+
+
+def test_crossings_are_counted_of_what_feels_each_other() -> None:
+    bodies = [wd.Body("a", SHEET, CLOTH), wd.Body("b", SHEET, CLOTH, position=(0.02, 0.03, 0.05))]
+    through = SHEET.positions[..., [2, 1, 0]] + [0.13, 0.01, -0.14]
+    for contacts, expected in (([wd.Contact(("a", "b"))], True), ([wd.Contact(("a", "a"))], False), ([], False)):
+        simulation = wd.Simulation(bodies, contacts=contacts, settings=SETTINGS)
+        assert simulation.count_crossings() == 0
+        handle = simulation["b"]
+        handle.state.x.assign(handle.model.layout.pack(through.astype(np.float32)))
+        assert (simulation.count_crossings() > 3) == expected

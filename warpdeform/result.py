@@ -101,6 +101,7 @@ class ContactRecord:
         guard_active_most: The same of the worst step.
         shortened: How often the guard made all of an update shorter.
         smallest_distance: Smallest distance of skins that feel each other, of any step [m]; None if nothing was near.
+        crossings: Edges through triangles, the most in any frame and at the end; None if nobody counted.
     """
 
     pairs: int = 0
@@ -109,9 +110,10 @@ class ContactRecord:
     guard_active_most: float = 0.0
     shortened: int = 0
     smallest_distance: float | None = None
+    crossings: list[int] | None = None
     _steps: int = 0
 
-    def as_dict(self) -> dict[str, float | int | None]:
+    def as_dict(self) -> dict[str, float | int | list[int] | None]:
         """As plain numbers."""
         return {key: value for key, value in vars(self).items() if key[0] != "_"}
 

@@ -76,7 +76,7 @@ class Simulation:
         soft, rigid = make_ties(
             self.attachments, {n: h.body for n, h in named.items()}, {n: h.state for n, h in named.items()}
         )
-        self.contact = add_contacts(self.bodies, contacts, self.settings, rigid)
+        self.contact, self._skins = add_contacts(self.bodies, contacts, self.settings, rigid)
         self.couplings: tuple[Coupling, ...] = soft if self.contact is None else (*soft, self.contact)
         problem = Problem(states, terms, self.settings, self._iteration, self.threads, self.couplings, rigid)
         self._stepper = self.integrator.stepper(problem)
@@ -177,6 +177,13 @@ class Simulation:
     def notes(self) -> tuple[str, ...]:
         """What the method does otherwise than the settings say, as sentences for people."""
         return self._stepper.notes
+
+    def count_crossings(self) -> int:
+        """Edges that go through triangles, of bodies that feel each other: 0, by all that is held true here.
+
+        Counted on the host in double precision; takes as long as some steps.
+        """
+        return 0 if self._skins is None else self._skins.count()
 
     def info(self) -> SimulationInfo:
         """Terms, kernels and bytes of every body."""

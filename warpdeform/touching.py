@@ -31,12 +31,52 @@ FADED = 4.0
 """Ranges beyond the gap at which the field of bodies ends: there it is 0.02 of what it is at the gap."""
 
 
+class Skins:
+    """What bodies that feel each other show, for counting what crosses (host).
+
+    Attributes:
+        handles: The bodies.
+        simplices: Their edges and triangles, all bodies one after the other.
+        owner: Body of each node.
+        feels: Whether one body feels another.
+    """
+
+    def __init__(self, handles: Sequence[BodyHandle], touching: Sequence[Touching]) -> None:
+        self.handles = tuple(handles)
+        self.simplices = Simplices.joined([Simplices.of_grid(h.model.grid) for h in handles])
+        counts = [h.model.grid.node_count for h in handles]
+        self.owner = np.repeat(np.arange(len(handles)), counts)
+        self._number = np.concatenate([np.arange(n) for n in counts])
+        self.feels = np.zeros((len(handles), len(handles)), bool)
+        for each in touching:
+            a, b = each.bodies
+            self.feels[a, b] = self.feels[b, a] = True
+
+    def crossing(self, points: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Edges and the triangles that they go through, by their nodes, of bodies that feel each other."""
+        pairs = crossing_pairs(points, self.simplices)
+        edges, triangles = self.simplices.edges[pairs[:, 0]], self.simplices.triangles[pairs[:, 1]]
+        felt = self.feels[self.owner[edges[:, 0]], self.owner[triangles[:, 0]]]
+        return edges[felt], triangles[felt]
+
+    def count(self) -> int:
+        """Crossings now."""
+        points = np.concatenate([h.positions().reshape(-1, 3).astype(np.float64) for h in self.handles])
+        return len(self.crossing(points)[0])
+
+    def place(self, vertices: Sequence[int]) -> str:
+        """Body and nodes, for messages."""
+        handle = self.handles[self.owner[vertices[0]]]
+        nodes = [[int(k) for k in np.unravel_index(self._number[v], handle.nodes)] for v in dict.fromkeys(vertices)]
+        return f"{handle.name} {' '.join(str(node) for node in nodes)}"
+
+
 def add_contacts(
     handles: Sequence[BodyHandle],
     contacts: Sequence[Contact],
     settings: Settings,
     rigid: Sequence[RigidTies] = (),
-) -> ContactSystem | None:
+) -> tuple[ContactSystem | None, Skins | None]:
     """What acts between bodies that feel each other, or themselves.
 
     Args:
@@ -46,7 +86,7 @@ def add_contacts(
         rigid: Nodes that follow others.
 
     Returns:
-        The coupling; None if nothing feels anything.
+        The coupling, and what counts crossings; None if nothing feels anything.
 
     Raises:
         InputError: Pairs that are named twice or whose bodies do not exist.
@@ -64,7 +104,7 @@ def add_contacts(
         raise InputError(Mistake("contact.bodies", tuple(twice), "are named twice", "Name every pair once."))
     taking = [handle for handle in handles if any(handle.name in contact.bodies for contact in pairs)]
     if not taking:
-        return None
+        return None, None
     number = {handle.name: k for k, handle in enumerate(taking)}
     touching = []
     _check_thickness(taking, pairs)
@@ -94,8 +134,9 @@ def add_contacts(
     pushed = any(not obstacle.track.static for _, field in fields for obstacle in field.obstacles)
     if pushed or any(handle.model.pins_move for handle in taking):
         system.targets = tuple(handle.model.target for handle in taking)
-    _check_start(taking, touching, system)
-    return system
+    skins = Skins(taking, touching)
+    _check_start(skins, touching, system)
+    return system, skins
 
 
 def _movable(handles: Sequence[BodyHandle], rigid: Sequence[RigidTies]) -> list[Array]:
@@ -140,43 +181,27 @@ def _check_thickness(handles: Sequence[BodyHandle], pairs: Sequence[Contact]) ->
         raise InputError(mistakes)
 
 
-def _check_start(handles: Sequence[BodyHandle], touching: Sequence[Touching], system: ContactSystem) -> None:
+def _check_start(skins: Skins, touching: Sequence[Touching], system: ContactSystem) -> None:
     """Refuse bodies that cross at the start, or whose skins overlap.
 
     Raises:
         InputError: Which bodies do, and where.
     """
-    simplices = Simplices.joined([Simplices.of_grid(h.model.grid) for h in handles])
-    counts = [h.model.grid.node_count for h in handles]
-    owner, number = np.repeat(np.arange(len(handles)), counts), np.concatenate([np.arange(n) for n in counts])
-    points = np.concatenate([h.model.initial_positions.reshape(-1, 3) for h in handles])
-    feels = np.zeros((len(handles), len(handles)), bool)
-    for each in touching:
-        a, b = each.bodies
-        feels[a, b] = feels[b, a] = True
-
-    def place(vertices: Sequence[int]) -> str:
-        handle = handles[owner[vertices[0]]]
-        nodes = [[int(k) for k in np.unravel_index(number[v], handle.nodes)] for v in dict.fromkeys(vertices)]
-        return f"{handle.name} {' '.join(str(node) for node in nodes)}"
-
-    pairs = crossing_pairs(points, simplices)
-    edges, triangles = simplices.edges[pairs[:, 0]], simplices.triangles[pairs[:, 1]]
-    wrong = feels[owner[edges[:, 0]], owner[triangles[:, 0]]]
-    if wrong.any():
-        where = [f"{place(e)} through {place(t)}" for e, t in zip(edges[wrong][:5], triangles[wrong][:5], strict=True)]
-        names = {handles[owner[v]].name for v in (*edges[wrong][:, 0], *triangles[wrong][:, 0])}
-        problem = f"{' and '.join(sorted(names))} cross at the start in {int(wrong.sum())} places: {'; '.join(where)}"
+    points = np.concatenate([h.model.initial_positions.reshape(-1, 3) for h in skins.handles])
+    edges, triangles = skins.crossing(points)
+    if len(edges):
+        where = [f"{skins.place(e)} through {skins.place(t)}" for e, t in zip(edges[:5], triangles[:5], strict=True)]
+        names = {skins.handles[skins.owner[v]].name for v in (*edges[:, 0], *triangles[:, 0])}
+        problem = f"{' and '.join(sorted(names))} cross at the start in {len(edges)} places: {'; '.join(where)}"
         raise InputError(Mistake("contact", None, problem, "Move them apart, or let them not feel each other."))
-    for handle in handles:
+    for handle in skins.handles:
         handle.state.z.assign(handle.state.x)
     system.begin()
     system.linearise("z")
     if system.report().smallest_distance < 0.0:
-        near = closest(points, simplices, max(each.offset for each in touching), (owner, feels))
-        problem = (
-            f"{place(near.vertices[0])} and {place(near.vertices[1])} overlap at the start, {near.distance:.3g} m apart"
-        )
+        near = closest(points, skins.simplices, max(each.offset for each in touching), (skins.owner, skins.feels))
+        first, second = (skins.place(vertices) for vertices in near.vertices)
+        problem = f"{first} and {second} overlap at the start, {near.distance:.3g} m apart"
         raise InputError(Mistake("contact", None, problem, "Move them apart, or make them thinner."))
     system.reset()
 

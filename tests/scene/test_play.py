@@ -93,3 +93,12 @@ def test_a_bad_output_is_refused_before_anything_runs(monkeypatch: pytest.Monkey
     monkeypatch.setattr("warpdeform.scene.play.simulation_of", lambda scene: pytest.fail("it was built"))
     with pytest.raises(InputError, match=r"has the suffix \.mp4"):
         play(coarse(), "flag.mp4")
+
+
+def test_crossings_are_counted_on_request() -> None:
+    scene = load_scene("crumple", {"solver.device": "cpu", "body.0.nodes": [9, 9], "contact.0.gap": 0.01}, frames=3)
+    for counted, crossings in ((True, [0, 0]), (False, None)):
+        contact = play(scene, counted=counted).record.contact
+        assert contact is not None
+        assert contact.crossings == crossings
+        assert contact.as_dict()["crossings"] == crossings

@@ -41,7 +41,7 @@ def run(
             scene, sets, frames=frames, fps=fps, device=device, integrator=integrator, precision=precision
         )
         output = out or built.spec.output.file or f"{built.name}.usdc"
-        played = _played(built, output, stop, show=not (quiet or as_json), notes=not quiet)
+        played = _played(built, output, stop, show=not (quiet or as_json), notes=not quiet, counted=as_json)
     if as_json:
         print_json(played.record.as_dict())
     elif not quiet:
@@ -55,7 +55,7 @@ def run(
         raise typer.Exit(INTERRUPTED)
 
 
-def _played(scene: BuiltScene, output: str, stop: Stop, show: bool, notes: bool) -> Played:
+def _played(scene: BuiltScene, output: str, stop: Stop, show: bool, notes: bool, counted: bool) -> Played:
     from warpdeform.errors import InputError, Mistake
     from warpdeform.scene.play import play
 
@@ -68,7 +68,7 @@ def _played(scene: BuiltScene, output: str, stop: Stop, show: bool, notes: bool)
             advance(simulation.frame + 1)
 
         try:
-            return play(scene, output, on_frame=on_frame, stopped=stop)
+            return play(scene, output, on_frame=on_frame, stopped=stop, counted=counted)
         except InputError as error:
             raise InputError(
                 [

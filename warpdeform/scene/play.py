@@ -65,6 +65,7 @@ def play(
     *,
     on_frame: Callable[[Simulation], None] = lambda simulation: None,
     stopped: Callable[[], bool] = lambda: False,
+    counted: bool = False,
 ) -> Played:
     """Simulate a scene and write its frames.
 
@@ -73,6 +74,7 @@ def play(
         output: The USD file; `None` writes nothing.
         on_frame: Called with the simulation at each frame, the initial state included, once it is written.
         stopped: Asked after each frame whether to stop there.
+        counted: Count what crosses in every frame, of bodies in contact; not on the record's clock.
 
     Returns:
         The record, also of a run that failed or was stopped: the frames until then are written.
@@ -82,14 +84,14 @@ def play(
         WarpdeformError: Writing failed on the way.
     """
     if output is None:
-        return _play(simulation_of(scene), scene, None, on_frame, stopped)
+        return _play(simulation_of(scene), scene, None, on_frame, stopped, counted)
     from warpdeform.usd.output import check_output  # USD is loaded only when something is written
 
     check_output(output)
     simulation = simulation_of(scene)
     writer = recorder(scene, simulation, output)
     with writer:
-        played = _play(simulation, scene, writer, on_frame, stopped)
+        played = _play(simulation, scene, writer, on_frame, stopped, counted)
         written = writer.close(played.record.as_dict(), interrupted=played.interrupted or played.failure is not None)
     return replace(played, record=replace(played.record, output=str(written) if written else ""))
 
@@ -113,9 +115,10 @@ def _play(
     writer: Recorder | None,
     on_frame: Callable[[Simulation], None],
     stopped: Callable[[], bool],
+    counted: bool,
 ) -> Played:
     """Step through the frames; the clock runs while stepping and writing."""
-    wall, written = 0.0, 0
+    wall, written, crossings = 0.0, 0, [0, 0]
     failure, interrupted = None, False
     for frame in range(scene.frames):
         start = perf_counter()
@@ -131,10 +134,15 @@ def _play(
             wall += perf_counter() - start
         written = frame + 1
         on_frame(simulation)
+        if counted:
+            now = simulation.count_crossings()
+            crossings = [max(crossings[0], now), now]
         if written < scene.frames and stopped():
             interrupted = True
             break
     record = replace(simulation.record(), frames=written, wall_s=wall)
+    if counted and record.contact is not None:
+        record = replace(record, contact=replace(record.contact, crossings=crossings))
     return Played(record, interrupted, failure)
 
 
