@@ -5,25 +5,28 @@ from typing import Any
 
 import numpy as np
 
-import warpdeform as wd
+from warpdeform.body import Body
+from warpdeform.material import Material
+from warpdeform.obstacle import Obstacle
+from warpdeform.settings import Settings
+from warpdeform.shape import RestShape, sheet
+from warpdeform.simulation import Simulation
 
-CLOTH = wd.Material(
-    areal_density=0.2, membrane_stiffness=1000.0, poisson_ratio=0.3, bending_stiffness=1e-4, damping=2.0
-)
+CLOTH = Material(areal_density=0.2, membrane_stiffness=1000.0, poisson_ratio=0.3, bending_stiffness=1e-4, damping=2.0)
 
 
 SUBSTEPS = 2
 """Steps a frame."""
 
 
-def folded(nodes: int, layers: int) -> tuple[wd.RestShape, np.ndarray[Any, Any]]:
+def folded(nodes: int, layers: int) -> tuple[RestShape, np.ndarray[Any, Any]]:
     """A flat sheet of 1 m, and its positions [m] folded up: layers one node spacing apart, every fold one cell high.
 
     Args:
         nodes: Nodes along each side, at least two for each layer.
         layers: Layers.
     """
-    shape = wd.sheet((nodes, nodes), (1.0, 1.0))
+    shape = sheet((nodes, nodes), (1.0, 1.0))
     h, panel = 1.0 / (nodes - 1), (nodes - layers) // layers
     x, z, along = [0.0], [0.0], 1.0
     for cell in range(nodes - 1):
@@ -40,7 +43,7 @@ def folded(nodes: int, layers: int) -> tuple[wd.RestShape, np.ndarray[Any, Any]]
     return shape, positions
 
 
-def accordion(nodes: int, layers: int, self_contact: bool = True, **settings: Any) -> wd.Simulation:
+def accordion(nodes: int, layers: int, self_contact: bool = True, **settings: Any) -> Simulation:
     """The folded sheet above the ground.
 
     Args:
@@ -50,6 +53,6 @@ def accordion(nodes: int, layers: int, self_contact: bool = True, **settings: An
         settings: Further settings.
     """
     shape, positions = folded(nodes, layers)
-    sheet = wd.Body("sheet", shape, CLOTH, initial_positions=positions + [0.0, 0.0, 0.003], self_contact=self_contact)
-    ground = wd.Obstacle("plane", friction=0.4)
-    return wd.Simulation([sheet], obstacles=[ground], settings=replace(wd.Settings(substeps=SUBSTEPS), **settings))
+    body = Body("sheet", shape, CLOTH, initial_positions=positions + [0.0, 0.0, 0.003], self_contact=self_contact)
+    ground = Obstacle("plane", friction=0.4)
+    return Simulation([body], obstacles=[ground], settings=replace(Settings(substeps=SUBSTEPS), **settings))

@@ -11,9 +11,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-import warpdeform as wd
+from warpdeform.body import Body, Pin
 from warpdeform.crossings import crossing_pairs
+from warpdeform.settings import Settings
+from warpdeform.shape import sheet
 from warpdeform.simplices import Simplices
+from warpdeform.simulation import Simulation
 from warpdeform.study.accordion import CLOTH, SUBSTEPS, accordion
 from warpdeform.study.bench.machine import describe, one_core
 from warpdeform.study.bench.table import Target, table, targets_lines, three_digits
@@ -140,14 +143,14 @@ def bench_contact(
     return ContactTimes(describe(), nodes, layers, pairs, phases, tuple(scenes), targets)
 
 
-def apart(nodes: int, self_contact: bool) -> wd.Simulation:
+def apart(nodes: int, self_contact: bool) -> Simulation:
     """A sheet that hangs by two corners and touches nothing."""
-    pins = (wd.Pin("corner:0,0"), wd.Pin("corner:0,1"))
-    body = wd.Body("sheet", wd.sheet((nodes, nodes), (1.0, 1.0)), CLOTH, pins=pins, self_contact=self_contact)
-    return wd.Simulation([body], settings=wd.Settings(substeps=SUBSTEPS, device="cpu", threads=1))
+    pins = (Pin("corner:0,0"), Pin("corner:0,1"))
+    body = Body("sheet", sheet((nodes, nodes), (1.0, 1.0)), CLOTH, pins=pins, self_contact=self_contact)
+    return Simulation([body], settings=Settings(substeps=SUBSTEPS, device="cpu", threads=1))
 
 
-def _scene(name: str, nodes: int, with_contact: wd.Simulation, without: wd.Simulation) -> SceneTime:
+def _scene(name: str, nodes: int, with_contact: Simulation, without: Simulation) -> SceneTime:
     """Both run the same frames; those that count are the last."""
     times = []
     for simulation in (with_contact, without):
@@ -169,11 +172,11 @@ def _peer(name: str, nodes: int, build: Callable[[bool], Any]) -> SceneTime:
             session.advance_frame()
         times.append(1e3 * float(np.median([_seconds(session.advance_frame) for _ in range(MEASURED)])))
         last = session.positions().reshape(-1, 3) if self_contact else last
-    simplices = Simplices.of_grid(wd.sheet((nodes, nodes)).grid)
+    simplices = Simplices.of_grid(sheet((nodes, nodes)).grid)
     return SceneTime(name, "newton-vbd", nodes, times[0], times[1], len(crossing_pairs(last, simplices)))
 
 
-def _phases(simulation: wd.Simulation, repeats: int) -> tuple[int, tuple[PhaseTime, ...]]:
+def _phases(simulation: Simulation, repeats: int) -> tuple[int, tuple[PhaseTime, ...]]:
     """Each phase as a recording of its own, at the state of the simulation."""
     system = simulation.contact
     assert system is not None

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-import warpdeform as wd
+from warpdeform.shape import sheet
 from warpdeform.study.accordion import folded
 from warpdeform.study.peers.sheet import FPS, Array
 
@@ -32,7 +32,7 @@ class VBDSession:
         import newton
         import warp as wp
 
-        shape, h = wd.sheet((nodes, nodes), (1.0, 1.0)), 1.0 / (nodes - 1)
+        shape, h = sheet((nodes, nodes), (1.0, 1.0)), 1.0 / (nodes - 1)
         k = np.arange(nodes * nodes).reshape(nodes, nodes)
         corners = (k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:])
         faces = np.stack([*(corners[i] for i in (0, 1, 2)), *(corners[i] for i in (0, 2, 3))], axis=-1)
@@ -96,5 +96,5 @@ def newton_accordion(nodes: int, layers: int) -> Callable[[bool], Any]:
 
 def newton_apart(nodes: int) -> Callable[[bool], Any]:
     """What makes the sheet that hangs by two corners."""
-    positions = wd.sheet((nodes, nodes), (1.0, 1.0)).positions
+    positions = sheet((nodes, nodes), (1.0, 1.0)).positions
     return lambda self_contact: VBDSession(nodes, positions, [0, nodes - 1], False, self_contact)
