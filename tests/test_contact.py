@@ -283,3 +283,13 @@ def test_crossings_are_counted_of_what_feels_each_other() -> None:
         handle = simulation["b"]
         handle.state.x.assign(handle.model.layout.pack(through.astype(np.float32)))
         assert (simulation.count_crossings() > 3) == expected
+
+
+def test_obstacles_hold_the_skin_at_the_gap() -> None:
+    rubber = wd.Material(density=1200.0, youngs_modulus=1e6, poisson_ratio=0.4, damping=10.0)
+    rod = wd.Body("rod", wd.line((9,), 0.2), rubber, section=wd.Section.circular(0.003), position=(0.0, 0.0, 0.006))
+    felt = wd.Body("felt", SHEET, CLOTH, position=(0.0, 0.2, 0.008), contact_thickness=0.01)
+    simulation = wd.Simulation([rod, felt], obstacles=[wd.Obstacle("plane", gap=0.002)], settings=SETTINGS)
+    run(simulation, 240)
+    assert simulation["rod"].positions()[..., 2] == pytest.approx(0.003 + 0.002, abs=1e-4)
+    assert simulation["felt"].positions()[..., 2] == pytest.approx(0.005 + 0.002, abs=1e-4)

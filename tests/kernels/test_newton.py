@@ -171,7 +171,7 @@ class Decision:
 
 
 def control(ulp: float = 1e-15, update: float = 1e-4, time: float = np.inf) -> wp.array:
-    return wp.array([ulp, update, time], dtype=wp.float64, device="cpu")
+    return wp.array([ulp, update, time, np.inf], dtype=wp.float64, device="cpu")
 
 
 @pytest.mark.parametrize(
