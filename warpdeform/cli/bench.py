@@ -204,6 +204,25 @@ def scaling(
 
 @bench.command()
 @ending_well
+def terms(
+    side: Annotated[int, typer.Option("--size", min=4, help="Nodes along each side of the sheet.")] = 128,
+    precision: Precision = None,
+    repeats: Repeats = 9,
+    core: Core = None,
+    as_json: Json = False,
+) -> None:
+    """Time bodies of every kind with and without each term: ns, bytes and compile seconds that the term adds."""
+
+    def run() -> Result:
+        from warpdeform.study.bench.terms import bench_terms
+
+        return bench_terms(side, precision=_checked(precision), repeats=repeats, core=core, said=_say)
+
+    _report(run, as_json)
+
+
+@bench.command()
+@ending_well
 def start(
     scene: Annotated[str, typer.Option("--scene", help="Name or path of the scene.")] = "hanging",
     repeats: Repeats = 5,

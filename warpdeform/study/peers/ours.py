@@ -28,7 +28,7 @@ class Ours(Engine):
     law: ClassVar[str] = "Saint Venant-Kirchhoff membrane and quadratic curvature on the grid"
 
     def settings(self, nodes: int) -> tuple[Setting, ...]:
-        """Steps of one frame to a 64th of it, the shortest in double precision, and Verlet's; fewer for large sheets."""
+        """Steps of one frame to a 64th of it, the shortest in double precision, and Verlet; fewer for large sheets."""
         steps = [(1, 1, 1e-2, "float32"), (1, 2, 1e-2, "float32")]
         if nodes < TIMED_FROM:
             steps += [(s, k, 1e-2, "float32") for s in (2, 4, 8, 16) for k in (1, 2)]
