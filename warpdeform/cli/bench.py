@@ -275,6 +275,25 @@ def peers(
     _report(run, as_json)
 
 
+@bench.command()
+@ending_well
+def block(
+    nodes: Annotated[int, typer.Option("--size", min=3, help="Nodes along each side.")] = 10,
+    seconds: Annotated[float, typer.Option("--duration", min=0.05, help="Simulated time [s].")] = 2.0,
+    repeats: Repeats = 3,
+    core: Core = None,
+    as_json: Json = False,
+) -> None:
+    """Drop a block of rubber on the ground, here, in MuJoCo and in Newton: CPU time, how deep it dips, its volume."""
+
+    def run() -> Result:
+        from warpdeform.study.peers.block_bench import bench_block
+
+        return bench_block(nodes, seconds=seconds, repeats=repeats, core=core, said=_say)
+
+    _report(run, as_json)
+
+
 def _report(run: Callable[[], Result], as_json: bool) -> None:
     from warpdeform.cli.ending import quiet_warp
 

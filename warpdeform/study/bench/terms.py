@@ -33,7 +33,7 @@ _MEMBRANE = {"areal_density": 0.2, "membrane_stiffness": 1000.0, "poisson_ratio"
 _DOWN = [0.0, 0.0, -1.0]
 _GRAVITY = {"scene.gravity": [0.0, 0.0, -9.81]}
 _WIND = {"wind": {"velocity": [3.0, 0.0, 0.0], "gust": 0.3}}
-_BALL = {"kind": "sphere", "radius": 0.2, "position": [0.0, 0.0, 1.28]}
+_BALL = {"kind": "sphere", "radius": 0.2, "position": [0.0, 0.0, 0.0]}
 _HEADER = ("term", "ns/node/step", "of the body alone", "bytes/node", "modules", "compile s")
 
 
@@ -104,7 +104,7 @@ def families(side: int) -> tuple[Family, ...]:
 
 def _sheet(side: int) -> Family:
     shell = {"body.0.material": _MEMBRANE | {"bending_stiffness": 1e-5}}
-    box = {"kind": "box", "size": [0.2, 0.2, 0.2], "position": [0.0, 0.5, 1.3]}
+    box = {"kind": "box", "size": [0.2, 0.2, 0.2], "position": [0.0, 0.5, 0.0]}
     return Family(
         f"sheet of {side} x {side} nodes, membrane alone",
         {"body.0.nodes": [side, side], "body.0.velocity": _DOWN, "body.0.material": _MEMBRANE},
@@ -114,9 +114,9 @@ def _sheet(side: int) -> Family:
             "drag": {"body.0.drag": 0.5},
             "a spring": {"body.0.springs": [{"nodes": [[1, 1]], "stiffness": 5.0}]},
             "wind with gusts": _WIND,
-            "an obstacle": {"obstacle": [_BALL]},
-            "an obstacle with friction": {"obstacle": [_BALL | {"friction": 0.4}]},
-            "two obstacles": {"obstacle": [_BALL, box]},
+            "an obstacle, not touched": {"obstacle": [_BALL]},
+            "the same with friction": {"obstacle": [_BALL | {"friction": 0.4}]},
+            "two obstacles, not touched": {"obstacle": [_BALL, box]},
             "a rest shape that grows": {"body.0.rest": {"times": [0.0, 1.0], "scale": [1.0, 1.1]}},
         },
     )
@@ -159,7 +159,7 @@ def _strands(side: int) -> Family:
             "bending and twist": {"body.0.material": rod | {"torsional_stiffness": 1e-6}},
             "gravity": _GRAVITY,
             "wind with gusts": _WIND,
-            "an obstacle": {"obstacle": [_BALL]},
+            "an obstacle, not touched": {"obstacle": [_BALL]},
         },
     )
 
@@ -184,7 +184,7 @@ def _block(side: int) -> Family:
             "a barrier against inversion": {"body.0.material": rubber | {"inversion_barrier": 2e4}},
             "gravity": _GRAVITY,
             "wind with gusts": _WIND,
-            "an obstacle": {"obstacle": [_BALL]},
+            "an obstacle, not touched": {"obstacle": [_BALL]},
         },
     )
 
