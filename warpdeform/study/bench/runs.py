@@ -55,9 +55,10 @@ def scene_of(
     Raises:
         InputError: The scene is not in order, or an override is not, or sets what the benchmark sets.
     """
-    counts = [nodes, nodes]
+    first = load_scene(scene).bodies[0]
+    own = first.nodes[: first.shape.dimension]
+    counts = [nodes] * len(own)
     if keep_aspect:
-        own = load_scene(scene).bodies[0].nodes
         counts = [max(2, 1 + round((nodes - 1) * (n - 1) / (max(own) - 1))) for n in own]
     values = {"body.0.nodes": counts, **values}
     twice = [override for override in overrides if override.key in values]
