@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpdeform.scene.measure import asymmetry, capsule_gaps, depth, folds, samples
+from warpdeform.scene.measure import asymmetry, capsule_gaps, depth, folds, relative_volumes, samples
 from warpdeform.selectors import select_nodes
 
 if TYPE_CHECKING:
@@ -245,6 +245,33 @@ def shrink_wrap(simulation: Simulation, history: History) -> list[Claim]:
     ]
 
 
+def jelly_cube(simulation: Simulation, history: History) -> list[Claim]:
+    """No cell turns over and nothing is in the table; it wobbles, and comes to rest as low as its weight makes it."""
+    frames, body = history.positions["jelly"], simulation["jelly"].body
+    rest = body.shape.positions
+    energies = np.array(history.energies)
+    height = np.array([frame[..., 2].mean() for frame in frames])
+    swing = height[history.after(0.8) : history.after(1.3)]
+    # A column sinks by rho g H^2 / 2E.
+    law, size = body.material, float(np.ptp(rest[..., 2]))
+    column = law.density * 9.81 * size**2 / (2.0 * law.youngs_modulus)
+    sunk = size - float(np.ptp([side.mean() for side in (frames[-1][:, :, 0, 2], frames[-1][:, :, -1, 2])]))
+    speed = np.linalg.norm(frames[-1] - frames[-2], axis=-1) / (history.times[-1] - history.times[-2])
+    return [
+        Claim("smallest volume of a cell over that at rest", _least_volume(frames, rest), 0.1, 1.0),
+        Claim("lowest node above the table [m]", min(float(frame[..., 2].min()) for frame in frames), 1e-5, 0.002),
+        Claim("energy gained since the start [J]", float((energies - energies[0]).max()), -np.inf, 1e-3),
+        Claim("squeezed on landing, mean height over half its side", float(height.min()) / (0.5 * size), 0.5, 0.9),
+        Claim("swing of its mean height once it stands [m]", float(np.ptp(swing)), 0.02, 0.1),
+        Claim("sunk under its weight over a column's", sunk / column, 0.85, 1.2),
+        Claim("speed at the end (rms) [m/s]", float(np.sqrt(np.mean(speed**2))), 0.0, 0.15),
+    ]
+
+
+def _least_volume(frames: list[Array], rest: Array) -> float:
+    return min(float(relative_volumes(frame, rest).min()) for frame in frames)
+
+
 def _fallen(frames: list[Array]) -> float:
     """How far below its start the lowest node of all frames is [m]."""
     return float(frames[0][..., 2].min() - min(frame[..., 2].min() for frame in frames))
@@ -252,6 +279,6 @@ def _fallen(frames: list[Array]) -> float:
 
 CHECKS: dict[str, Check] = {
     check.__name__: check
-    for check in (hanging, flag, carpet, bunny, materials, lifted_patch, spring_steel, coiled_cord, shrink_wrap)
+    for check in (hanging, flag, carpet, bunny, materials, lifted_patch, spring_steel, coiled_cord, shrink_wrap, jelly_cube)
 }
 """The check of each packaged scene, by the scene's name."""

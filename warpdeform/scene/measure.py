@@ -130,6 +130,26 @@ def _distance(point: Array, corners: Array) -> float:
     return float(np.where(within, np.abs(above), nearest).min())
 
 
+def relative_volumes(positions: Array, rest: Array) -> Array:
+    """Signed volumes of a solid's cells over those at rest, from the means of their edges: 0 or less is turned over.
+
+    Args:
+        positions: Node positions [m], shape (nu, nv, nw, 3).
+        rest: Those at rest, likewise.
+    """
+
+    def volumes(r: Array) -> Array:
+        edges = []
+        for axis in range(3):
+            edge = np.diff(r, axis=axis)
+            for across in {0, 1, 2} - {axis}:
+                edge = np.delete(edge, -1, across) + np.delete(edge, 0, across)
+            edges.append(edge / 4.0)
+        return np.asarray(np.sum(edges[0] * np.cross(edges[1], edges[2]), axis=-1))
+
+    return np.asarray(volumes(positions) / volumes(rest))
+
+
 def asymmetry(positions: Array, axis: int, across: int) -> float:
     """Largest distance of a node from the mirror image of its counterpart [m].
 
