@@ -268,6 +268,36 @@ def jelly_cube(simulation: Simulation, history: History) -> list[Claim]:
     ]
 
 
+def balloon(simulation: Simulation, history: History) -> list[Claim]:
+    """In flight it is as large as a thin shell under its pressure and as round as a ball; it bounces, ever less."""
+    frames, body = history.positions["balloon"], simulation["balloon"].body
+    centre = np.array([frame.mean(axis=(0, 1)) for frame in frames])
+    law, rest = body.material, float(np.linalg.norm(body.shape.positions[0, 0]))
+    flight = range(history.after(0.3), history.after(0.5))
+    radii = np.array([np.linalg.norm(frames[k] - centre[k], axis=-1) for k in flight])
+    # N = E h (s^2 - 1) / (2 (1 - nu)) and p R s^2 / 2 = N s over the lengths of the rest shape.
+    resultant = law.youngs_modulus * law.thickness / (1.0 - law.poisson_ratio)
+    half = 0.5 * body.pressure * rest / resultant
+    stretch = half + np.sqrt(half**2 + 1.0)
+    size = np.array([np.ptp(frame[..., 2]) / np.ptp(frame[..., 0]) for frame in frames])
+    rising = (centre[1:-1, 2] > centre[:-2, 2]) & (centre[1:-1, 2] >= centre[2:, 2])
+    tops = centre[1:-1, 2][rising] - stretch * rest
+    string = history.positions["string"]
+    apart = max(float(np.linalg.norm(a - b[0, 0], axis=-1).min()) for a, b in zip(frames, string, strict=True))
+    return [
+        _nothing_inside(history, simulation, "balloon", 0.0, every=4),
+        Claim("radius in flight over a thin shell's", float(radii.mean()) / (stretch * rest), 0.99, 1.01),
+        Claim(
+            "spread of that radius, of the one it is cut to", float(np.ptp(radii, axis=(1, 2)).max()) / rest, 0.0, 0.04
+        ),
+        Claim("height over width, flattened on the ground", float(size.min()), 0.5, 0.8),
+        Claim("bounces", float(len(tops)), 3.0, 4.0),
+        Claim("height of a bounce over that before, highest", float((tops[1:] / tops[:-1]).max()), 0.5, 0.95),
+        Claim("way downwind [m]", float(centre[-1, 0] - centre[0, 0]), 0.8, 2.5),
+        Claim("string from the balloon [m]", apart, 0.0, 1e-5),
+    ]
+
+
 def _least_volume(frames: list[Array], rest: Array) -> float:
     return min(float(relative_volumes(frame, rest).min()) for frame in frames)
 
@@ -279,6 +309,18 @@ def _fallen(frames: list[Array]) -> float:
 
 CHECKS: dict[str, Check] = {
     check.__name__: check
-    for check in (hanging, flag, carpet, bunny, materials, lifted_patch, spring_steel, coiled_cord, shrink_wrap, jelly_cube)
+    for check in (
+        hanging,
+        flag,
+        carpet,
+        bunny,
+        materials,
+        lifted_patch,
+        spring_steel,
+        coiled_cord,
+        shrink_wrap,
+        jelly_cube,
+        balloon,
+    )
 }
 """The check of each packaged scene, by the scene's name."""
