@@ -9,13 +9,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warpdeform.scene.measure import asymmetry, capsule_gaps, depth, folds, relative_volumes, samples
+from warpdeform.scene.measure import (
+    asymmetry,
+    capsule_gaps,
+    depth,
+    folds,
+    load_on_sphere,
+    relative_volumes,
+    samples,
+)
 from warpdeform.selectors import select_nodes
 
 if TYPE_CHECKING:
     from warpdeform.simulation import Simulation
 
 Array = NDArray[np.float64]
+
+
+DENT = 0.0297
+"""Depth of the dent of `ball_on_solid` where the cells are a quarter as large [m]."""
 
 
 @dataclass(frozen=True)
@@ -268,6 +280,27 @@ def jelly_cube(simulation: Simulation, history: History) -> list[Claim]:
     ]
 
 
+def ball_on_solid(simulation: Simulation, history: History) -> list[Claim]:
+    """The ball rests on the block, which bears its weight, is dented as one of finer cells is, and keeps its volume."""
+    frames, handle = history.positions["block"], simulation["block"]
+    ball, end = simulation.obstacles[0], frames[-1]
+    middle = handle.nodes[0] // 2
+    dents = [float(frames[0][middle, middle, -1, 2] - frame[middle, middle, -1, 2]) for frame in frames]
+    masses = np.asarray(handle.model.node_mass).reshape(-1)
+    load = load_on_sphere(ball, end.reshape(-1, 3), masses, history.times[-1], simulation.gravity)
+    weight = 7850.0 * 4.0 / 3.0 * np.pi * float(ball.size_vector[0]) ** 3 * 9.81
+    return [
+        _pins_still(history, simulation),
+        Claim("what the block bears over the weight of the ball", float(load[2]) / weight, 0.95, 1.05),
+        # 65 x 65 x 33 nodes under that weight: tests/physics/test_dent.py.
+        Claim("depth of the dent over that of a run refined twice", dents[-1] / DENT, 0.95, 1.05),
+        Claim("way of the dent's bottom in the last tenth of a second [m]", abs(dents[-1] - dents[-7]), 0.0, 1e-5),
+        Claim("depth of the top inside the ball [m]", depth(ball, samples(end[:, :, -1]), simulation.time), 0.0, 2e-3),
+        Claim("smallest volume of a cell over that at rest", _least_volume(frames, frames[0]), 0.3, 1.0),
+        Claim("its volume at the end over that at rest", float(relative_volumes(end, frames[0]).mean()), 0.97, 1.0),
+    ]
+
+
 def balloon(simulation: Simulation, history: History) -> list[Claim]:
     """In flight it is as large as a thin shell under its pressure and as round as a ball; it bounces, ever less."""
     frames, body = history.positions["balloon"], simulation["balloon"].body
@@ -320,6 +353,7 @@ CHECKS: dict[str, Check] = {
         coiled_cord,
         shrink_wrap,
         jelly_cube,
+        ball_on_solid,
         balloon,
     )
 }

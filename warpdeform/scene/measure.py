@@ -56,6 +56,28 @@ def capsule_gaps(obstacles: Sequence[Obstacle], points: Array, time: float) -> A
     return np.min([_from_capsule(each, _seen_from(each, points, time)) for each in obstacles], axis=0)
 
 
+def load_on_sphere(obstacle: Obstacle, points: Array, masses: Array, time: float, gravity: Sequence[float]) -> Array:
+    """What a body presses a sphere with through the sphere's field [N], shape (3,).
+
+    A node of mass m at the distance f is pushed by m (V^2 / 2 eps) exp(-f / eps), and inside by as much as grows evenly.
+
+    Args:
+        obstacle: The sphere, with a design speed of its own.
+        points: Positions of the nodes [m], shape (k, 3).
+        masses: Their masses [kg], shape (k,).
+        time: Time of the sphere's pose [s].
+        gravity: Acceleration of gravity [m/s2].
+    """
+    assert obstacle.design_speed is not None
+    constants = obstacle.field_constants(gravity, obstacle.design_speed)
+    local = points - obstacle.track.pose(time)[0]
+    reach = np.linalg.norm(local, axis=1)
+    scaled = (reach - obstacle.size_vector[0]) / constants.range
+    push = np.where(scaled < 0.0, 1.0 - scaled, np.exp(-np.maximum(scaled, 0.0)))
+    strength = masses * constants.design_speed**2 / (2.0 * constants.range)
+    return np.asarray(-np.sum((strength * push / reach)[:, None] * local, axis=0))
+
+
 def _seen_from(obstacle: Obstacle, points: Array, time: float) -> Array:
     """Points in the coordinates of an obstacle."""
     position, rotation = obstacle.track.pose(time)
