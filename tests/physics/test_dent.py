@@ -1,7 +1,6 @@
 """The dent of the ball on the solid, at the load that the ball weighs, against the dents of finer cells."""
 
 import numpy as np
-import pytest
 from physics.statics import percent
 
 from warpdeform.scene import load_scene
@@ -29,19 +28,18 @@ def dent(cells: int) -> float:
         dents.append(0.152 - points[cells, cells, -1, 2])
         loads.append(force[2])
 
-    way = {"times": [0.0, 0.3, 0.5], "displacements": [[0, 0, -0.047], [0, 0, -0.072], [0, 0, -0.08]]}
+    way = {"times": [0.0, 0.3, 0.55], "displacements": [[0, 0, -0.047], [0, 0, -0.072], [0, 0, -0.082]]}
     own = {"body.0.nodes": [2 * cells + 1, 2 * cells + 1, cells + 1], "obstacle.0.path": way}
-    rest = {"scene.duration": 0.5, "solver.device": "cpu"}
+    rest = {"scene.duration": 0.55, "solver.device": "cpu"}
     played = play(load_scene("ball_on_solid", own | rest), on_frame=observe)
     assert played.failure is None
     assert loads[-1] > WEIGHT
     return float(np.interp(WEIGHT, loads, dents))
 
 
-@pytest.mark.parametrize("refined", [16, pytest.param(32, marks=pytest.mark.slow)])
-def test_dent_is_that_of_a_finer_block(refined: int) -> None:
-    coarse, fine = dent(8), dent(refined)
-    print(f"\ndent of the ball, 8 and {refined} cells: {1e3 * coarse:.2f}, {1e3 * fine:.2f} mm", end="")
+def test_dent_is_that_of_a_finer_block() -> None:
+    coarse, fine = dent(8), dent(16)
+    print(f"\ndent of the ball, 8 and 16 cells: {1e3 * coarse:.2f}, {1e3 * fine:.2f} mm", end="")
     print(f", apart {percent(coarse / fine - 1, 2)}", end="")
     assert abs(coarse / fine - 1) < 0.05
     assert abs(fine / DENT - 1) < 0.02

@@ -59,7 +59,7 @@ def capsule_gaps(obstacles: Sequence[Obstacle], points: Array, time: float) -> A
 def load_on_sphere(obstacle: Obstacle, points: Array, masses: Array, time: float, gravity: Sequence[float]) -> Array:
     """What a body presses a sphere with through the sphere's field [N], shape (3,).
 
-    A node of mass m at the distance f is pushed by m (V^2 / 2 eps) exp(-f / eps), and inside by as much as grows evenly.
+    A node of mass m at the distance f is pushed by m (V^2 / 2 eps) exp(-f / eps), evenly more inside.
 
     Args:
         obstacle: The sphere, with a design speed of its own.
