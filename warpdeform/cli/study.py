@@ -1,0 +1,58 @@
+"""`warpdeform study`: what accuracy costs, and where methods are stable."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from warpdeform.cli.bench import report
+from warpdeform.cli.ending import ending_well
+from warpdeform.cli.options import Json, Scene, Set
+
+if TYPE_CHECKING:
+    from warpdeform.cli.bench import Result
+
+study = typer.Typer(no_args_is_help=True, help="What accuracy costs, and where methods are stable.")
+
+Out = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Where CSV, JSON and picture are written.")]
+Name = Annotated[str | None, typer.Option("--name", help="Name of those files; the scene's by default.")]
+StudyDevice = Annotated[str, typer.Option("--device", help="cpu, cuda:0, ... or auto.")]
+
+
+@study.command()
+@ending_well
+def tradeoff(
+    scene: Scene,
+    out: Out = Path(),
+    name: Name = None,
+    horizon: Annotated[
+        float | None, typer.Option("--horizon", help="When positions are compared [s]; by the noise floor by default.")
+    ] = None,
+    target: Annotated[
+        float | None, typer.Option("--target", help="Error over the body's size to find the cheapest setting for.")
+    ] = None,
+    repeats: Annotated[int, typer.Option("--repeats", min=1, help="Runs under the clock; the fastest counts.")] = 3,
+    device: StudyDevice = "cpu",
+    sets: Set = None,
+    as_json: Json = False,
+) -> None:
+    """Sweep integrators, steps, iterations, tolerances and grids: error against time, and the settings on the front."""
+
+    def run() -> Result:
+        from warpdeform.scene import load_scene, parse_override
+        from warpdeform.study.files import StudyFiles
+        from warpdeform.study.tradeoff.course import Asked
+        from warpdeform.study.tradeoff.tradeoff import study_tradeoff
+
+        overrides = tuple(parse_override(text) for text in sets or ())
+        asked = Asked(scene, overrides, device)
+        files = StudyFiles(out, name or f"tradeoff-{load_scene(scene, overrides).name}")
+        return study_tradeoff(asked, files, horizon_s=horizon, target=target, repeats=repeats, said=_say)
+
+    report(run, as_json)
+
+
+def _say(line: str) -> None:
+    typer.echo(line, err=True)
