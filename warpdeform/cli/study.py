@@ -9,7 +9,7 @@ import typer
 
 from warpdeform.cli.bench import report
 from warpdeform.cli.ending import ending_well
-from warpdeform.cli.options import Json, Scene, Set
+from warpdeform.cli.options import Json, Precision, Scene, Set
 
 if TYPE_CHECKING:
     from warpdeform.cli.bench import Result
@@ -52,6 +52,57 @@ def tradeoff(
         return study_tradeoff(asked, files, horizon_s=horizon, target=target, repeats=repeats, said=_say)
 
     report(run, as_json)
+
+
+@study.command()
+@ending_well
+def stability(
+    scene: Scene,
+    out: Out = Path(),
+    name: Name = None,
+    precision: Precision = None,
+    densities: Annotated[
+        str, typer.Option("--densities", metavar="X,X,...", help="Densities over the scene's, beside 1; may be empty.")
+    ] = "0.01,100",
+    quick: Annotated[bool, typer.Option("--quick", help="Every other stiffness and step.")] = False,
+    device: StudyDevice = "cpu",
+    sets: Set = None,
+    as_json: Json = False,
+) -> None:
+    """Map where methods are stable: stiffness, time step, density and disorder of the start; each cell a short run."""
+
+    def run() -> Result:
+        from warpdeform.scene import Override, load_scene, parse_override
+        from warpdeform.study.files import StudyFiles
+        from warpdeform.study.stability.stability import STIFFNESSES, TIME_STEPS, study_stability
+
+        overrides = [*(parse_override(text) for text in sets or ()), Override("solver.device", device, "--device")]
+        if precision is not None:
+            overrides.append(Override("solver.precision", precision, "--precision"))
+        built = load_scene(scene, overrides)
+        files, every = StudyFiles(out, name or f"stability-{built.name}"), 2 if quick else 1
+        return study_stability(
+            built,
+            files,
+            stiffnesses=STIFFNESSES[::every],
+            time_steps=TIME_STEPS[::-every],
+            densities=_factors(densities),
+            said=_say,
+        )
+
+    report(run, as_json)
+
+
+def _factors(text: str) -> list[float]:
+    from warpdeform.errors import InputError, Mistake
+
+    try:
+        factors = [float(word) for word in text.split(",") if word.strip()]
+    except ValueError:
+        factors = [0.0]
+    if not all(0.0 < factor < float("inf") for factor in factors):
+        raise InputError(Mistake("--densities", text, "must be positive numbers with commas", "Use 0.01,100."))
+    return factors
 
 
 def _say(line: str) -> None:

@@ -6,6 +6,8 @@ from typing import Any
 
 USABLE = 0.2
 """Block-averaged error over the size from which on a run counts for nothing: the body is somewhere else."""
+BETTER = 0.9
+"""Share of the error of a faster run below which a slower one is better, and not just otherwise rounded."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ def front(runs: Sequence[Measured], least: float) -> list[Measured]:
     """
     found: list[Measured] = []
     for run in sorted((r for r in runs if r.block < USABLE), key=lambda r: (r.cpu_s_per_s, r.block)):
-        if not found or max(run.block, least) < found[-1].block:
+        if not found or max(run.block, least) < BETTER * found[-1].block:
             found.append(run)
     return found
 

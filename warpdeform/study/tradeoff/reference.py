@@ -24,9 +24,9 @@ IMPLICIT_SUBSTEPS = (16, 32)
 NOISE = 1e-6
 """Distance that two references start apart, over the size."""
 MOST_NOISE = 1e-4
-"""What it may grow to within the horizon, over the size."""
-MOST_UNCERTAINTY = 1e-2
-"""How far the two references may be apart within the horizon, over the size."""
+"""What it may grow to within the horizon, block-averaged, over the size."""
+MOST_UNCERTAINTY = 1e-3
+"""How far the two references may be apart within the horizon, likewise."""
 
 
 @dataclass(frozen=True)
@@ -172,7 +172,9 @@ def _horizon(
             raise InputError(Mistake("--horizon", asked_s, "is not within the scene [s]", remedy))
         return frame
     good = 0
-    while good < frames and noise[good + 1].rms < MOST_NOISE * size and checks[good + 1].rms < MOST_UNCERTAINTY * size:
+    while (
+        good < frames and noise[good + 1].block < MOST_NOISE * size and checks[good + 1].block < MOST_UNCERTAINTY * size
+    ):
         good += 1
     if not good:
         raise InputError(Mistake("scene", None, "parts from its own reference at once", "Name a --horizon."))
