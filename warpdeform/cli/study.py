@@ -64,6 +64,9 @@ def stability(
     densities: Annotated[
         str, typer.Option("--densities", metavar="X,X,...", help="Densities over the scene's, beside 1; may be empty.")
     ] = "0.01,100",
+    strain: Annotated[
+        float, typer.Option("--strain", help="How much longer bodies start along their first axis; -0.05: compressed.")
+    ] = 0.0,
     quick: Annotated[bool, typer.Option("--quick", help="Every other stiffness and step.")] = False,
     device: StudyDevice = "cpu",
     sets: Set = None,
@@ -87,6 +90,7 @@ def stability(
             stiffnesses=STIFFNESSES[::every],
             time_steps=TIME_STEPS[::-every],
             densities=_factors(densities),
+            strain=strain,
             said=_say,
         )
 

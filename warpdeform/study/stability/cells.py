@@ -57,6 +57,11 @@ class Method:
     newton: int = 0
 
     @property
+    def unbent(self) -> bool:
+        """Whether it runs surfaces without their bending only."""
+        return self.name == "energy-momentum"
+
+    @property
     def label(self) -> str:
         """Its name on the map."""
         own = getattr(INTEGRATORS[self.name], "iterations", None) if not INTEGRATORS[self.name].explicit else None
@@ -86,6 +91,7 @@ class Cell:
         dt: Time step [s].
         density: Its density over the scene's.
         disorder: How it starts.
+        strain: How much longer it starts along its first axis.
     """
 
     method: Method
@@ -93,6 +99,7 @@ class Cell:
     dt: float
     density: float = 1.0
     disorder: str = "smooth"
+    strain: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -168,10 +175,12 @@ def run_cell(scene: BuiltScene, cell: Cell, steps: int = STEPS, most_s: float = 
         most_s: When to stop early [s].
     """
     factor = cell.stiffness / stretching_stiffness(scene.bodies[0])
-    bodies = [
-        disordered(replace(body, material=scaled(body.material, factor, cell.density)), cell.disorder)
-        for body in scene.bodies
-    ]
+    bodies = []
+    for body in scene.bodies:
+        material = scaled(body.material, factor, cell.density)
+        if cell.method.unbent and body.kind == "surface":
+            material = replace(material, bending_stiffness=None, bending_multipliers=None)
+        bodies.append(disordered(replace(body, material=material), cell.disorder, cell.strain))
     settings = replace(scene.settings, fps=1.0 / cell.dt, **cell.method.settings)
     try:
         simulation = Simulation(

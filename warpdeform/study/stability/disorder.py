@@ -54,16 +54,19 @@ DISORDERS: dict[str, Callable[[Array], Array]] = {
 one point."""
 
 
-def disordered(body: Body, kind: str) -> Body:
+def disordered(body: Body, kind: str, strain: float = 0.0) -> Body:
     """A body that starts so.
 
     Args:
         body: The body.
         kind: One of `DISORDERS`.
+        strain: How much longer it starts along its first axis, what is held included: below 0 it is compressed.
     """
-    if kind == "smooth":
+    if kind == "smooth" and not strain:
         return body
     start = body.placed_positions()
+    way = (start[-1] - start[0]).reshape(-1, 3).mean(axis=0)
+    start = start + strain * np.multiply.outer((start - start.reshape(-1, 3).mean(axis=0)) @ way / (way @ way), way)
     moved = DISORDERS[kind](start)
     for pin in body.pins:
         held: Any = tuple(select_nodes(pin.nodes, body.nodes, body.kind).T)

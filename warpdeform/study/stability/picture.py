@@ -60,7 +60,7 @@ def draw_map(cells: Sequence[tuple[Cell, Found]], heading: str, path: Path) -> N
                 panel.set_title(method.replace(", ", ",\n"), fontsize=7, color=INK)
             if column == 0:
                 panel.set_ylabel(disorder + (f"\ndensity x {density:g}" if density != 1.0 else ""), fontsize=7)
-    figure.supxlabel("time step [s]", fontsize=8, color=INK)
+    panels[-1][len(methods) // 2].set_xlabel("time step [s]", fontsize=8, color=INK)
     figure.supylabel("stiffness E A / L [N/m]", fontsize=8, color=INK)
     figure.suptitle(heading, fontsize=9, color=INK)
     names = [Patch(color=COLOURS[verdict], label=f"{verdict.name.lower()}: {verdict.value}") for verdict in order]

@@ -32,6 +32,7 @@ class StabilityMap:
         nodes: Nodes of each body.
         precision: "float32" or "float64".
         steps: Steps of a run.
+        strain: How much longer bodies start along their first axis.
         cells: Where on the map, and what was found there.
     """
 
@@ -40,6 +41,7 @@ class StabilityMap:
     nodes: list[list[int]]
     precision: str
     steps: int
+    strain: float = 0.0
     cells: list[tuple[Cell, Found]] = field(default_factory=list)
 
     def as_dict(self) -> dict[str, Any]:
@@ -49,7 +51,8 @@ class StabilityMap:
     def heading(self) -> str:
         """What was studied, as one line."""
         grids = " and ".join(" x ".join(map(str, nodes)) for nodes in self.nodes)
-        return f"{self.scene}, {grids} nodes, {self.precision}, at most {self.steps} steps"
+        strained = f", strained by {self.strain:g}" if self.strain else ""
+        return f"{self.scene}{strained}, {grids} nodes, {self.precision}, at most {self.steps} steps"
 
     def lines(self) -> list[str]:
         """How many cells of each method ended how, and the least that is wrong."""
@@ -67,13 +70,14 @@ def cells(
     steps: Sequence[float],
     densities: Sequence[float],
     disorders: Sequence[str],
+    strain: float = 0.0,
 ) -> Iterator[Cell]:
     """Every disorder at the scene's density, and further densities from a smooth start."""
     starts = [(1.0, disorder) for disorder in disorders] + [(density, "smooth") for density in densities]
     for method in methods:
         for density, disorder in starts:
             for stiffness in stiffnesses:
-                yield from (Cell(method, stiffness, dt, density, disorder) for dt in steps)
+                yield from (Cell(method, stiffness, dt, density, disorder, strain) for dt in steps)
 
 
 def study_stability(
@@ -85,6 +89,7 @@ def study_stability(
     time_steps: Sequence[float] = TIME_STEPS,
     densities: Sequence[float] = DENSITIES,
     disorders: Iterable[str] = tuple(DISORDERS),
+    strain: float = 0.0,
     steps: int = 20,
     core: int | None = None,
     said: Said = lambda line: None,
@@ -99,13 +104,14 @@ def study_stability(
         time_steps: Time steps [s].
         densities: Densities over the scene's, beside 1.
         disorders: How bodies start.
+        strain: How much longer bodies start along their first axis; below 0 they are compressed.
         steps: Steps of a run.
         core: Core to stay on.
         said: Told about progress.
     """
     nodes = [list(body.nodes) for body in scene.bodies]
-    found = StabilityMap(describe(), scene.name, nodes, scene.settings.precision, steps)
-    places = list(cells(methods, stiffnesses, time_steps, densities, tuple(disorders)))
+    found = StabilityMap(describe(), scene.name, nodes, scene.settings.precision, steps, strain)
+    places = list(cells(methods, stiffnesses, time_steps, densities, tuple(disorders), strain))
     files.start_rows(list(_row(places[0], Found(Verdict.STABLE))))
     label = ""
     with core_for(find_device(scene.settings.device), core):
