@@ -127,8 +127,9 @@ class NewtonStepper(Stepper):
             return []
         reach = max(float(np.abs(state.model.initial_positions).max()) for state in self.states)
         resolved = float(np.spacing(np.float32(reach)))
-        fall = gravity * min(stage_.tau for stage_ in self.method.stages(dt, dt)) ** 2
-        lost = 0.5 * resolved / fall
+        tau = min(stage_.tau for stage_ in self.method.stages(dt, dt))
+        fall = gravity * tau * tau
+        lost = 0.5 * resolved / fall if fall > 0.0 else np.inf
         seen = f"resolves {resolved:.2g} m at the bodies, and gravity moves them by {fall:.2g} m in a stage"
         if lost >= 1.0:
             remedy = "Use float64, longer steps, or bring the scene nearer to the origin."

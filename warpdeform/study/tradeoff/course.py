@@ -22,6 +22,8 @@ Array = NDArray[np.float64]
 
 ENOUGH_S = 3.0
 """Repeats end when they took this long in all [s]."""
+RIPPLE = 0.2
+"""Turning back by less than this share of the whole way is no swing."""
 FEW_NODES = 3
 """Axes of no more nodes keep them on coarser grids."""
 
@@ -95,12 +97,23 @@ class Course:
         )
         ways = ways - ways.mean(axis=0)
         way = ways @ np.linalg.svd(ways, full_matrices=False)[2][0]
-        rises = np.diff(way)
-        signs = np.sign(rises[rises != 0.0])
-        turns = 1 + np.flatnonzero(rises != 0.0)[:-1][signs[1:] != signs[:-1]]
+        turns = _turns(way)
         before, now, after = way[turns - 1], way[turns], way[turns + 1]
         times = turns + 0.5 * (before - after) / (before - 2.0 * now + after)
         return float(2.0 * np.mean(np.diff(times))) if len(times) > 1 else None
+
+
+def _turns(way: Array) -> NDArray[np.int64]:
+    """Where a way turns back by more than `RIPPLE` of its range, ends left out."""
+    least, kept, ahead = RIPPLE * np.ptp(way), [0], 0
+    for k in range(1, len(way)):
+        outward = np.sign(way[ahead] - way[kept[-1]])
+        if outward * (way[k] - way[ahead]) >= 0.0:
+            ahead = k
+        elif abs(way[k] - way[ahead]) > least:
+            kept.append(ahead)
+            ahead = k
+    return np.array(kept[1:], dtype=np.int64)
 
 
 def observe(scene: BuiltScene, frames: int, noise: float = 0.0) -> Course:
