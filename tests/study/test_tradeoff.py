@@ -17,6 +17,7 @@ from warpdeform.settings import Settings
 from warpdeform.study.errors import block_averaged, block_averages, rms
 from warpdeform.study.files import StudyFiles
 from warpdeform.study.tradeoff.course import Asked, Course, apart, observe
+from warpdeform.study.tradeoff.estimates import study_estimates
 from warpdeform.study.tradeoff.ladder import Setting, sweep
 from warpdeform.study.tradeoff.records import Measured, cheapest, front
 from warpdeform.study.tradeoff.reference import make_reference
@@ -124,6 +125,13 @@ def test_a_study_writes_rows_a_record_and_a_picture(tmp_path: Path) -> None:
 def test_a_target_below_what_can_be_told_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"--target = 1e-12: is below what can be told"):
         study_tradeoff(SHEET, StudyFiles(tmp_path, "small"), target=1e-12, settings=[])
+
+
+def test_estimates_are_of_the_size_of_errors(tmp_path: Path) -> None:
+    found = study_estimates(["hanging"], StudyFiles(tmp_path, "estimates"), overrides=SMALL).found[0]
+    assert found.doubt_m < 0.1 * found.largest_m
+    assert 0.2 < found.estimate_m / found.largest_m < 10.0
+    assert (tmp_path / "estimates.csv").read_text(encoding="utf-8").splitlines()[1].startswith("hanging,bdf2")
 
 
 def test_the_command_refuses_what_it_cannot_write() -> None:

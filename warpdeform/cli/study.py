@@ -97,6 +97,31 @@ def stability(
     report(run, as_json)
 
 
+@study.command()
+@ending_well
+def estimate(
+    scenes: Annotated[list[str] | None, typer.Argument(help="Scenes; all packaged ones by default.")] = None,
+    out: Out = Path(),
+    name: Annotated[str, typer.Option("--name", help="Name of the files.")] = "estimates",
+    time: Annotated[float, typer.Option("--time", min=1e-3, help="How long they run [s].")] = 0.1,
+    device: StudyDevice = "cpu",
+    sets: Set = None,
+    as_json: Json = False,
+) -> None:
+    """Compare the error of the time step that runs estimate themselves with the error that they have."""
+
+    def run() -> Result:
+        from warpdeform.scene import parse_override, scene_names
+        from warpdeform.study.files import StudyFiles
+        from warpdeform.study.tradeoff.estimates import study_estimates
+
+        overrides = [parse_override(text) for text in sets or ()]
+        chosen, files = scenes or scene_names(), StudyFiles(out, name)
+        return study_estimates(chosen, files, time_s=time, overrides=overrides, device=device, said=_say)
+
+    report(run, as_json)
+
+
 def _factors(text: str) -> list[float]:
     from warpdeform.errors import InputError, Mistake
 

@@ -122,14 +122,15 @@ class NewtonStepper(Stepper):
         Velocities are differences of positions over the stage's step, so that what is rounded away is not made up for.
         """
         settings, dt = self.settings, self.settings.dt
-        gravity = float(np.linalg.norm(settings.gravity))
-        if settings.precision != "float32" or not gravity:
+        if settings.precision != "float32":
             return []
-        reach = max(float(np.abs(state.model.initial_positions).max()) for state in self.states)
-        resolved = float(np.spacing(np.float32(reach)))
         tau = min(stage_.tau for stage_ in self.method.stages(dt, dt))
-        fall = gravity * tau * tau
-        lost = 0.5 * resolved / fall if fall > 0.0 else np.inf
+        lost, resolved, fall = 0.0, 0.0, 0.0
+        for axis, gravity in enumerate(settings.gravity):
+            reach = max(float(np.abs(state.model.initial_positions[..., axis]).max()) for state in self.states)
+            step, moved = float(np.spacing(np.float32(reach))), abs(gravity) * tau * tau
+            if gravity and 0.5 * step >= lost * moved:
+                lost, resolved, fall = 0.5 * step / moved if moved else np.inf, step, moved
         seen = f"resolves {resolved:.2g} m at the bodies, and gravity moves them by {fall:.2g} m in a stage"
         if lost >= 1.0:
             remedy = "Use float64, longer steps, or bring the scene nearer to the origin."

@@ -17,7 +17,7 @@ CONVERGED: dict[str, Any] = {"newton_iterations": 0, "cg_tolerance": 1e-3, "cg_i
 """Newton to the tolerance that is ordinary; a coarser linear solve takes more iterations, not more error."""
 PAPER = ("terzopoulos", "terzopoulos-exact")
 """Methods that solve one linear system a step, and are stable where explicit ones are or nearly so."""
-SUBSTEPS = (1, 2, 4)
+SUBSTEPS = (1, 2, 4, 8)
 NEWTON = (1, 2, 0)
 CG_TOLERANCES = (1e-1, 1e-3, 1e-4)
 CG_CAPS = (5, 10, 20, 50)
