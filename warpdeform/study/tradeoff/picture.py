@@ -61,7 +61,8 @@ def draw_tradeoff(
     plot.set_ylabel("block-averaged error over the size", color=INK)
     plot.grid(which="major", color="#e4e4e4", linewidth=0.6)
     plot.spines[["top", "right"]].set_visible(False)
-    plot.legend(frameon=False, fontsize=8, loc="upper right")
+    plot.xaxis.set_minor_formatter("")
+    names.legend(*plot.get_legend_handles_labels(), frameon=False, fontsize=8, loc="lower left")
     listed = [f"{k + 1}  {run.name}" for k, run in enumerate(best)]
     key = "triangles: explicit   diamonds: adaptive steps   crosses: coarser grids   ring: the scene's own"
     names.axis("off")
