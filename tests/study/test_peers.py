@@ -11,12 +11,12 @@ from typer.testing import CliRunner
 from warpdeform.cli import app
 from warpdeform.errors import InputError, WarpdeformError
 from warpdeform.scene import load_scene
+from warpdeform.study.errors import block_averaged, rms
 from warpdeform.study.peers import bench as bench_module
 from warpdeform.study.peers import laws, processes
 from warpdeform.study.peers.bench import Effort, bench_peers
 from warpdeform.study.peers.engine import Engine, Setting
 from warpdeform.study.peers.engines import ENGINES, find_engines
-from warpdeform.study.peers.errors import block_averaged, rms
 from warpdeform.study.peers.picture import draw_peers
 from warpdeform.study.peers.processes import default_cache, find_reference, last_json, reference_key
 from warpdeform.study.peers.records import OURS, EngineFacts, PeerRun, fastest, front, targets, with_gains

@@ -65,7 +65,7 @@ def kernels(
             said=_say,
         )
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
 @bench.command()
@@ -102,7 +102,7 @@ def step(
             said=_say,
         )
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
 @bench.command()
@@ -130,7 +130,7 @@ def threads(
             said=_say,
         )
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
 @bench.command()
@@ -158,7 +158,7 @@ def iterations(
             said=_say,
         )
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
 @bench.command()
@@ -199,7 +199,7 @@ def scaling(
             draw_scaling(found, picture)
         return found
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
 @bench.command()
@@ -218,7 +218,7 @@ def terms(
 
         return bench_terms(side, precision=_checked(precision), repeats=repeats, core=core, said=_say)
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
 @bench.command()
@@ -235,7 +235,7 @@ def start(
 
         return bench_start(scene, repeats=repeats, said=_say)
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
 @bench.command()
@@ -272,7 +272,7 @@ def peers(
             draw_peers(times.runs, picture)
         return times
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
 @bench.command()
@@ -291,10 +291,11 @@ def block(
 
         return bench_block(nodes, seconds=seconds, repeats=repeats, core=core, said=_say)
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
-def _report(run: Callable[[], Result], as_json: bool) -> None:
+def report(run: Callable[[], Result], as_json: bool) -> None:
+    """Run a benchmark or study and print what it found, for people or as JSON."""
     from warpdeform.cli.ending import quiet_warp
 
     with stdout_for_json(as_json):

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from warpdeform.errors import WarpdeformError
+from warpdeform.study.errors import block_averaged, rms
 from warpdeform.study.peers.engine import Engine, Setting
-from warpdeform.study.peers.errors import block_averaged, rms
 from warpdeform.study.peers.sheet import CHECKED, FRAMES, Array, Sheet
 from warpdeform.study.peers.worker import Answer, Job
 
