@@ -185,6 +185,16 @@ def test_points_are_found_between_nodes() -> None:
     np.testing.assert_allclose(point, [[0.45, 0.15, 0.0]], atol=1e-12)
 
 
+def test_a_point_of_a_single_strand_is_one_parameter() -> None:
+    law = wd.Material(linear_density=0.1, axial_stiffness=50.0)
+    bodies = {"cloth": body("cloth", (5, 4), (0.4, 0.3)), "rod": wd.Body("rod", wd.shape.line((9,), 0.8), law)}
+    ties = find_ties(Attachment("cloth", [[0, 0], [1, 0]], "rod", [[0.5], [0.9]], 1.0), bodies)
+    found = np.einsum(
+        "km,kmc->kc", ties.weights, bodies["rod"].placed_positions()[tuple(np.moveaxis(ties.points, -1, 0))]
+    )
+    np.testing.assert_allclose(found, [[0.4, 0.0, 0.0], [0.72, 0.0, 0.0]], atol=1e-12)
+
+
 BAD = {
     "nobody": (wd.Attachment("nobody", "all", "left"), "is no body of the scene"),
     "outside": (wd.Attachment("right", [[9, 9]], "left", stiffness=1.0), "lies outside the grid"),

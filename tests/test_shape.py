@@ -268,7 +268,7 @@ def test_closed_surfaces_have_their_sizes() -> None:
 def test_poles_that_cannot_close_are_named() -> None:
     assert sphere((6, 3)).poles == (True, True)
     assert tube((6, 3)).poles == (False, False)
-    assert "must have an even number along u" in refusal(sphere, (7, 5))
+    assert "must have an even number of at least 6 along u" in refusal(sphere, (7, 5))
     assert "Use for example [8, 5]" in refusal(sphere, (7, 5))
     assert "Use for example [6, 5]" in refusal(sphere, (4, 5))
     globe, around = sphere((8, 5)).positions, (True, False)

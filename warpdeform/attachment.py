@@ -28,7 +28,8 @@ class Attachment:
         to: Name of the body that they are attached to.
         at: Where on it: nodes, one for each; another number of nodes of an edge (each attached node takes the point of
             the line through them that lies as far along); "nearest", the nearest points of it as the bodies start; or
-            parameters from 0 to 1, one tuple for each node, shape (k, axes).
+            parameters from 0 to 1, one tuple for each node, shape (k, axes); of a curve along it and across its
+            strands, the second of which a single strand does without.
         stiffness: Of each node's tie [N/m]; None ties rigidly.
 
     Raises:
@@ -147,10 +148,13 @@ def _is_parameters(at: object) -> bool:
 
 
 def _at_parameters(parameters: Array, count: int, other: Body) -> tuple[NDArray[np.int64], Array]:
-    axes = len(other.nodes)
+    axes, given = len(other.nodes), parameters.tolist()
+    if other.kind == "curve" and other.nodes[1] == 1 and parameters.shape == (count, 1):
+        parameters = np.pad(parameters, ((0, 0), (0, 1)))
     if parameters.shape != (count, axes) or not ((parameters >= 0.0) & (parameters <= 1.0)).all():
-        problem = f"must be {count} tuples of {axes} parameters from 0 to 1"
-        raise InputError(Mistake("at", parameters.tolist(), problem, "Give one for each attached node."))
+        problem = f"must be {axes} parameters from 0 to 1 for each of the {count} nodes"
+        remedy = f"Use for example {[[0.5] * axes] * min(count, 2)}."
+        raise InputError(Mistake("at", given, problem, remedy))
     return _cell_weights(parameters * np.array(other.shape.grid.cells), other)
 
 

@@ -82,9 +82,6 @@ ELASTICITY: dict[str, Callable[[Model], Force]] = {
 class BodyHandle:
     """One body of a simulation: its arrays and what can be measured on it.
 
-    A body is laden if its nodes carry those of others: obstacles then have a wall for it, because their field is made
-    for what a node weighs itself.
-
     Attributes:
         body: What the user described.
         model: Its constants on the device.
@@ -101,7 +98,6 @@ class BodyHandle:
         device: Any,
         iteration: wp.array,
         lane_width: int | None,
-        laden: bool = False,
     ) -> None:
         self.body = body
         self.model = Model(body, settings.precision, device, lane_width)
@@ -125,7 +121,7 @@ class BodyHandle:
             speed = float(np.linalg.norm(body.velocity))
             positions = model.initial_positions
             skin = _skin(body, model)
-            terms.append(ObstacleField(state, obstacles, settings.gravity, positions, speed, skin, laden))
+            terms.append(ObstacleField(state, obstacles, settings.gravity, positions, speed, skin))
         self.terms = tuple(terms)
 
     @property
@@ -137,6 +133,23 @@ class BodyHandle:
     def nodes(self) -> tuple[int, ...]:
         """Nodes along the axes: (n, strands) of a curve, (nu, nv) of a surface, (nu, nv, nw) of a solid."""
         return self.body.nodes
+
+    @property
+    def mass(self) -> float:
+        """Mass of the whole body [kg]."""
+        return float(self.model.node_mass.sum())
+
+    def leave_bare(self, nodes: NDArray[np.int64]) -> None:
+        """Let obstacles hold some nodes, shape (n, axes), as if they had no thickness: they are inside another body."""
+        for term in self.terms:
+            if isinstance(term, ObstacleField):
+                term.leave_bare(self.model.layout.places(nodes))
+
+    def raise_walls(self) -> None:
+        """Let obstacles have a wall for this body: it carries more than itself, and their field is made for itself."""
+        for term in self.terms:
+            if isinstance(term, ObstacleField):
+                term.raise_walls()
 
     @property
     def rest_positions(self) -> Array:

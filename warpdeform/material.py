@@ -372,7 +372,11 @@ class Material:
                 problem = "must be " + " or ".join(_COUNTED[count] for count in quantity.counts)
             else:
                 bounds = [x.bounds if isinstance(x, Varying) else (x, x) for x in numbers]
-                problem = next((found for b in bounds if b and (found := quantity.problem(*b))), "")
+                low, high, problem = next(
+                    ((*b, found) for b in bounds if b and (found := quantity.problem(*b))), (0, 0, "")
+                )
+                if problem and low != high:
+                    problem = f"{problem}, and goes from {low:.6g} to {high:.6g}"
             if problem or numbers is None:
                 mistakes.append(Mistake(key, _shown(value), problem, quantity.remedy))
             else:

@@ -64,9 +64,10 @@ class Simulation:
         self.integrator = INTEGRATORS[self.settings.integrator]()
         self._captured = captured
         self._iteration: wp.array = wp.zeros(1, dtype=wp.int32, device=self.device)
-        laden = {attachment.to for attachment in attachments if attachment.stiffness is None}
-        shared = (self.obstacles, wind, self.settings, self.device, self._iteration, lane_width)
-        self.bodies = tuple(BodyHandle(body, *shared, body.name in laden) for body in bodies)
+        self.bodies = tuple(
+            BodyHandle(body, self.obstacles, wind, self.settings, self.device, self._iteration, lane_width)
+            for body in bodies
+        )
         states = [handle.state for handle in self.bodies]
         nodes = sum(handle.model.grid.node_count for handle in self.bodies)
         self.threads = choose_threads(self.settings.threads, nodes, self.device) if captured else 1
@@ -76,6 +77,11 @@ class Simulation:
         soft, rigid = make_ties(
             self.attachments, {n: h.body for n, h in named.items()}, {n: h.state for n, h in named.items()}
         )
+        for ties in rigid:
+            next(handle for handle in self.bodies if handle.state is ties.states[0]).leave_bare(ties.nodes)
+        for attachment in self.attachments:
+            if attachment.stiffness is None and named[attachment.body].mass > named[attachment.to].mass:
+                named[attachment.to].raise_walls()
         self.contact, self._skins = add_contacts(self.bodies, contacts, self.settings, rigid)
         self.couplings: tuple[Coupling, ...] = soft if self.contact is None else (*soft, self.contact)
         problem = Problem(states, terms, self.settings, self._iteration, self.threads, self.couplings, rigid)

@@ -126,6 +126,19 @@ def test_files_say_what_closes(tmp_path: Path) -> None:
             'body.0.springs.0.nodes = "edge:u,0": is not a node selector of a solid. Use "corner:0,0,1"',
         ),
         (
+            'nodes = [5, 5]\nshape = { kind = "sheet" }\nnatural = { kind = "line" }',
+            'body.0.natural = "line": does not go with a surface. Leave it out, or use a curve.',
+        ),
+        (
+            'nodes = [5]\nshape = { kind = "line" }\nnatural = { kind = "tube" }',
+            'body.0.natural.kind = "tube": is a surface, which does not say how a curve bends. '
+            "Use one of the shapes line, helix, ring.",
+        ),
+        (
+            'nodes = [4, 5]\nshape = { kind = "sphere" }',
+            "body.0.nodes = [4, 5]: must have an even number of at least 6 along u, so that every meridian goes on",
+        ),
+        (
             'nodes = [8000]\nshape = { kind = "line" }\nstrands = { count = [100, 100], size = [1.0, 1.0] }',
             "body.0.nodes = [8000]: is more than 16777216 nodes",
         ),

@@ -138,7 +138,7 @@ MISTAKES = [
         "areal_density = 0.2",
         'areal_density = { image = "hem.pgm", range = [0.0, 0.3] }',
         "body.0.material.areal_density",
-        "must be positive. Use kg/m2",
+        "must be positive, and goes from 0 to 0.3. Use kg/m2",
     ),
     (
         "areal_density = 0.2",
@@ -467,7 +467,7 @@ def test_a_file_that_is_not_text_is_refused(folder: Path) -> None:
     ("name", "words"),
     [
         ("fla", 'Did you mean "flag"?'),
-        ("nothing-like-it", "The scenes are bunny, carpet"),
+        ("nothing-like-it", "The scenes are ball_on_solid, balloon, bunny"),
         ("folder/none.toml", "does not exist"),
         (".", "is a folder"),
     ],

@@ -66,7 +66,7 @@ class ObstacleField(Force):
             positions: Initial node positions [m], shape (nu, nv, 3), for the design speeds that are left out.
             speed: Fastest initial node speed [m/s], likewise.
             skin: Distance of the skin from each node [m], shape (*nodes), negative where there is none; None: 0.
-            walled: Whether there is a wall, for nodes that are pressed by more than their own weight.
+            walled: Whether there is a wall from the start (`raise_walls`).
         """
         real, device, layout = body.real, body.device, body.layout
         self.obstacles = tuple(obstacles)
@@ -128,6 +128,17 @@ class ObstacleField(Force):
         """Forget the friction anchors, as at the start of a run."""
         self._lagged.zero_()
         self._memory.zero_()
+
+    def leave_bare(self, places: NDArray[np.int64]) -> None:
+        """Take no thickness of nodes at these rows and columns, shape (n, 2) (host, before a run)."""
+        skin = self._skin.numpy()
+        skin[0, places[:, 0], places[:, 1]] = np.minimum(skin[0, places[:, 0], places[:, 1]], 0.0)
+        self._skin.assign(skin)
+
+    def raise_walls(self) -> None:
+        """Give all obstacles a wall, for nodes that are pressed by more than their own weight (host, before a run)."""
+        self._walled = True
+        self._records.assign(self._describe())
 
     def prepare(self, time: float, dt: float, tau: float) -> None:
         if self._moving:

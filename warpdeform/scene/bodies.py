@@ -64,8 +64,8 @@ def make_body(table: BodyTable, index: int, collector: Collector) -> Body | None
     }
     if table.section is not None:
         arguments["section"] = _section(table.section, (*at, "section"), collector)
-    if table.natural is not None and kind == "curve":
-        arguments["natural"] = _shape(table, kind, at, collector, "natural")
+    if table.natural is not None:
+        arguments["natural"] = _natural(table, kind, at, collector)
     if table.director is not None:
         arguments["director"] = tuple(table.director)
     if shape is not None:
@@ -184,6 +184,22 @@ def _shape(table: BodyTable, kind: str, at: Path, collector: Collector, which: s
             with collector.at((*at, "strands"), {"curve": (*at, which), "positions": (*at, which)}):
                 shape = strands(shape, **copies)
         return shape if collector.sound((*at, "nodes"), (*at, which), (*at, "strands")) else None
+    return None
+
+
+def _natural(table: BodyTable, kind: str, at: Path, collector: Collector) -> RestShape | None:
+    """The shape of a curve whose curvature and twist need no force; None, and a mistake, for what has no such shape."""
+    assert table.natural is not None
+    of_shape = kind_of_shape(table.natural.kind)
+    if kind != "curve":
+        problem, remedy = f"does not go with a {kind}", "Leave it out, or use a curve."
+        collector.refuse((*at, "natural"), table.natural.kind, problem, remedy)
+    elif of_shape not in ("", "curve"):
+        problem = f"is a {of_shape}, which does not say how a curve bends"
+        remedy = f"Use one of the shapes {', '.join(SHAPES_BY_KIND[kind])}."
+        collector.refuse((*at, "natural", "kind"), table.natural.kind, problem, remedy)
+    else:
+        return _shape(table, kind, at, collector, "natural")
     return None
 
 

@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warpdeform.crossings import crossing_pairs
-from warpdeform.scene.measure import asymmetry, capsule_gaps, depth, folds, samples
+from warpdeform.scene.measure import (
+    asymmetry,
+    capsule_gaps,
+    depth,
+    folds,
+    load_on_sphere,
+    relative_volumes,
+    samples,
+)
 from warpdeform.selectors import select_nodes
 from warpdeform.simplices import Simplices
 
@@ -18,6 +26,10 @@ if TYPE_CHECKING:
     from warpdeform.simulation import Simulation
 
 Array = NDArray[np.float64]
+
+
+DENT = 0.0214
+"""Depth of the dent of `ball_on_solid` where the cells are a quarter as large [m]; tests/physics/test_dent.py."""
 
 
 @dataclass(frozen=True)
@@ -310,6 +322,100 @@ def curtain(simulation: Simulation, history: History) -> list[Claim]:
     ]
 
 
+def grass(simulation: Simulation, history: History) -> list[Claim]:
+    """The blades bow with the wind without stretching or lying down; a gust bows neighbours alike, not all blades."""
+    blades = np.array(history.positions["blades"][history.after(2.0) :])  # frames, nodes, blades, 3
+    lean = (blades[:, -1] - blades[:, 0]) @ np.array([6.0, 1.0, 0.0]) / np.hypot(6.0, 1.0)
+    gust = lean - lean.mean(axis=1, keepdims=True)
+    rows = gust.reshape(len(gust), 40, 25)
+    alike = float((rows[:, 1:] * rows[:, :-1]).mean() / (rows**2).mean())
+    return [
+        _pins_still(history, simulation),
+        _stretch(simulation, 1.005),
+        Claim("mean lean of the tips with the wind [m]", float(lean.mean()), 0.15, 0.25),
+        Claim("lowest tip above the ground [m]", float(blades[:, -1, :, 2].min()), 0.05, 0.4),
+        Claim("how differently tips lean (root mean square) [m]", float(gust.std()), 0.01, 0.05),
+        Claim("correlation of neighbours, one mesh of 5 cm apart", alike, 0.7, 1.0),
+    ]
+
+
+def jelly_cube(simulation: Simulation, history: History) -> list[Claim]:
+    """No cell turns over and nothing is in the table; it wobbles, and comes to rest as low as its weight makes it."""
+    frames, rest = history.positions["jelly"], simulation["jelly"].body.shape.positions
+    energies = np.array(history.energies)
+    height = np.array([frame[..., 2].mean() for frame in frames])
+    swing = height[history.after(0.8) : history.after(1.3)]
+    # A column sinks by rho g H^2 / 2E.
+    size = float(np.ptp(rest[..., 2]))
+    column = 1050.0 * 9.81 * size**2 / (2.0 * 3e4)
+    sunk = size - float(np.ptp([side.mean() for side in (frames[-1][:, :, 0, 2], frames[-1][:, :, -1, 2])]))
+    speed = np.linalg.norm(frames[-1] - frames[-2], axis=-1) / (history.times[-1] - history.times[-2])
+    return [
+        Claim("smallest volume of a cell over that at rest", _least_volume(frames, rest), 0.3, 1.0),
+        Claim("lowest node above the table [m]", min(float(frame[..., 2].min()) for frame in frames), 1e-5, 0.002),
+        Claim("energy gained since the start [J]", float((energies - energies[0]).max()), -np.inf, 1e-3),
+        Claim("squeezed on landing, mean height over half its side", float(height.min()) / (0.5 * size), 0.5, 0.9),
+        Claim("swing of its mean height once it stands [m]", float(np.ptp(swing)), 0.02, 0.1),
+        # Friction holds its foot as it came down, which makes it lean a little.
+        Claim("sunk under its weight over a column's", sunk / column, 0.6, 1.4),
+        Claim("speed at the end (rms) [m/s]", float(np.sqrt(np.mean(speed**2))), 0.0, 0.15),
+    ]
+
+
+def ball_on_solid(simulation: Simulation, history: History) -> list[Claim]:
+    """The ball rests on the block, which bears its weight, is dented as one of finer cells is, and keeps its volume."""
+    frames, handle = history.positions["block"], simulation["block"]
+    ball, end = simulation.obstacles[0], frames[-1]
+    middle = handle.nodes[0] // 2
+    dents = [float(frames[0][middle, middle, -1, 2] - frame[middle, middle, -1, 2]) for frame in frames]
+    masses = np.asarray(handle.model.node_mass).reshape(-1)
+    load = load_on_sphere(ball, end.reshape(-1, 3), masses, history.times[-1], simulation.gravity)
+    weight = 7.26 * 9.81
+    return [
+        _pins_still(history, simulation),
+        Claim("what the block bears over the weight of the ball", float(load[2]) / weight, 0.95, 1.05),
+        Claim("depth of the dent over that of a run refined twice", dents[-1] / DENT, 0.95, 1.05),
+        Claim("way of the dent's bottom in the last tenth of a second [m]", abs(dents[-1] - dents[-7]), 0.0, 1e-5),
+        Claim("depth of the top inside the ball [m]", depth(ball, samples(end[:, :, -1]), simulation.time), 0.0, 2e-3),
+        Claim("smallest volume of a cell over that at rest", _least_volume(frames, frames[0]), 0.3, 1.0),
+        Claim("its volume at the end over that at rest", float(relative_volumes(end, frames[0]).mean()), 0.97, 1.0),
+    ]
+
+
+def balloon(simulation: Simulation, history: History) -> list[Claim]:
+    """In flight it is as large as a thin shell under its pressure and as round as a ball; it bounces, ever less."""
+    frames, body = history.positions["balloon"], simulation["balloon"].body
+    centre = np.array([frame.mean(axis=(0, 1)) for frame in frames])
+    rest = float(np.linalg.norm(body.shape.positions[0, 0]))
+    flight = range(history.after(0.3), history.after(0.5))
+    radii = np.array([np.linalg.norm(frames[k] - centre[k], axis=-1) for k in flight])
+    # N = E h (s^2 - 1) / (2 (1 - nu)) and p R s^2 / 2 = N s over the lengths of the rest shape.
+    resultant = 1.2e5 * 8e-4 / (1.0 - 0.45)
+    half = 0.5 * body.pressure * rest / resultant
+    stretch = half + np.sqrt(half**2 + 1.0)
+    size = np.array([np.ptp(frame[..., 2]) / np.ptp(frame[..., 0]) for frame in frames])
+    rising = (centre[1:-1, 2] > centre[:-2, 2]) & (centre[1:-1, 2] >= centre[2:, 2])
+    tops = centre[1:-1, 2][rising] - stretch * rest
+    string = history.positions["string"]
+    apart = max(float(np.linalg.norm(a - b[0, 0], axis=-1).min()) for a, b in zip(frames, string, strict=True))
+    return [
+        _nothing_inside(history, simulation, "balloon", 0.0, every=4),
+        Claim("radius in flight over a thin shell's", float(radii.mean()) / (stretch * rest), 0.99, 1.01),
+        Claim(
+            "spread of that radius, of the one it is cut to", float(np.ptp(radii, axis=(1, 2)).max()) / rest, 0.0, 0.04
+        ),
+        Claim("height over width, flattened on the ground", float(size.min()), 0.5, 0.8),
+        Claim("bounces", float(len(tops)), 3.0, 4.0),
+        Claim("height of a bounce over that before, highest", float((tops[1:] / tops[:-1]).max()), 0.5, 0.95),
+        Claim("way downwind [m]", float(centre[-1, 0] - centre[0, 0]), 0.8, 2.5),
+        Claim("string from the balloon [m]", apart, 0.0, 1e-5),
+    ]
+
+
+def _least_volume(frames: list[Array], rest: Array) -> float:
+    return min(float(relative_volumes(frame, rest).min()) for frame in frames)
+
+
 def _fallen(frames: list[Array]) -> float:
     """How far below its start the lowest node of all frames is [m]."""
     return float(frames[0][..., 2].min() - min(frame[..., 2].min() for frame in frames))
@@ -327,6 +433,10 @@ CHECKS: dict[str, Check] = {
         spring_steel,
         coiled_cord,
         shrink_wrap,
+        grass,
+        jelly_cube,
+        ball_on_solid,
+        balloon,
         crumple,
         twist,
         layers,

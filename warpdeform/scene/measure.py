@@ -56,6 +56,28 @@ def capsule_gaps(obstacles: Sequence[Obstacle], points: Array, time: float) -> A
     return np.min([_from_capsule(each, _seen_from(each, points, time)) for each in obstacles], axis=0)
 
 
+def load_on_sphere(obstacle: Obstacle, points: Array, masses: Array, time: float, gravity: Sequence[float]) -> Array:
+    """What a body presses a sphere with through the sphere's field [N], shape (3,).
+
+    A node of mass m at the distance f is pushed by m (V^2 / 2 eps) exp(-f / eps), evenly more inside.
+
+    Args:
+        obstacle: The sphere, with a design speed of its own.
+        points: Positions of the nodes [m], shape (k, 3).
+        masses: Their masses [kg], shape (k,).
+        time: Time of the sphere's pose [s].
+        gravity: Acceleration of gravity [m/s2].
+    """
+    assert obstacle.design_speed is not None
+    constants = obstacle.field_constants(gravity, obstacle.design_speed)
+    local = points - obstacle.track.pose(time)[0]
+    reach = np.linalg.norm(local, axis=1)
+    scaled = (reach - obstacle.size_vector[0]) / constants.range
+    push = np.where(scaled < 0.0, 1.0 - scaled, np.exp(-np.maximum(scaled, 0.0)))
+    strength = masses * constants.design_speed**2 / (2.0 * constants.range)
+    return np.asarray(-np.sum((strength * push / reach)[:, None] * local, axis=0))
+
+
 def _seen_from(obstacle: Obstacle, points: Array, time: float) -> Array:
     """Points in the coordinates of an obstacle."""
     position, rotation = obstacle.track.pose(time)
@@ -128,6 +150,26 @@ def _distance(point: Array, corners: Array) -> float:
         along = np.clip(-np.einsum("ij,ij->i", p, edge) / np.maximum(np.einsum("ij,ij->i", edge, edge), 1e-30), 0, 1)
         nearest = np.minimum(nearest, np.linalg.norm(p + along[:, None] * edge, axis=1))
     return float(np.where(within, np.abs(above), nearest).min())
+
+
+def relative_volumes(positions: Array, rest: Array) -> Array:
+    """Signed volumes of a solid's cells over those at rest, from the means of their edges: 0 or less is turned over.
+
+    Args:
+        positions: Node positions [m], shape (nu, nv, nw, 3).
+        rest: Those at rest, likewise.
+    """
+
+    def volumes(r: Array) -> Array:
+        edges = []
+        for axis in range(3):
+            edge = np.diff(r, axis=axis)
+            for across in {0, 1, 2} - {axis}:
+                edge = np.delete(edge, -1, across) + np.delete(edge, 0, across)
+            edges.append(edge / 4.0)
+        return np.asarray(np.sum(edges[0] * np.cross(edges[1], edges[2]), axis=-1))
+
+    return np.asarray(volumes(positions) / volumes(rest))
 
 
 def asymmetry(positions: Array, axis: int, across: int) -> float:

@@ -111,7 +111,8 @@ def sphere(nodes: Sequence[int], radius: float = 0.5) -> RestShape:
     around, count = checked_nodes(nodes, periodic=(True, False))
     r = positive("radius", radius, 1, _LENGTH)[0]
     if around % 2 or around < FEWEST_AROUND_POLES:
-        problem = "must have an even number along u, so that every meridian goes on across the poles"
+        fewest = f"an even number of at least {FEWEST_AROUND_POLES}"
+        problem = f"must have {fewest} along u, so that every meridian goes on across the poles"
         remedy = f"Use for example [{max(around + around % 2, FEWEST_AROUND_POLES)}, {count}]."
         raise InputError(Mistake("nodes", list(nodes), problem, remedy))
     last = 0.5 * math.pi * r * (1.0 - 1.0 / count)
