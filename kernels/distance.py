@@ -40,6 +40,7 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
         kind: wp.int32
         size: V
         half_thickness: real
+        bound: real  # radius of a ball about its origin that holds it [m]; a plane has none
         mesh: wp.uint64
         strength: real  # V^2 / 2 of the field [m2/s2]
         eps: real
@@ -258,7 +259,15 @@ def distances(real: Any, with_mesh: bool) -> SimpleNamespace:
 
     @wp.func
     def remembered_distance(o: Obstacle, memory: wp.array3d(dtype=real), i: int, j: int, p: V, reach: real):
-        """`signed_distance`, with what the last query tells: all at its own point, the side near it, nothing near."""
+        """`signed_distance`, with what the last query tells: all at its own point, the side near it, nothing near.
+
+        What is sure to be farther than `reach` gives (0, 0, 0, reach), of any kind.
+        """
+        beyond = wp.length(p) - o.bound
+        if o.kind == wp.static(KINDS.index("plane")):
+            beyond = p[2]
+        if beyond >= reach:
+            return F(zero, zero, zero, reach)
         side = zero
         if wp.static(with_mesh):
             if o.memory >= 0:

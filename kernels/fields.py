@@ -204,7 +204,10 @@ def fields(real: Any, with_mesh: bool, with_friction: bool) -> SimpleNamespace:
                 pose = poses[k]
                 p = (wp.transpose(pose.rotation) - pose.turn) * (x + pose.shift - pose.position)
                 thick = load1(skin, 0, i, j)
-                d = remembered_distance(o, memory, i, j, p, real(2.0) * o.cutoff + thick)
+                reach = real(1e30)  # an exact distance is known anywhere, and what lands in this step rubs in it
+                if o.memory >= 0:
+                    reach = real(2.0) * o.cutoff + thick
+                d = remembered_distance(o, memory, i, j, p, reach)
                 store3(lagged_out, o.lagged + NORMAL, i, j, V(d[0], d[1], d[2]))
                 if d[3] - thick >= o.cutoff:
                     store3(lagged_out, o.lagged + ANCHOR, i, j, V())

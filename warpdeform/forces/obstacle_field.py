@@ -209,6 +209,7 @@ class ObstacleField(Force):
         for record, each, constants in zip(records, self.obstacles, self.constants, strict=True):
             record["kind"], record["size"] = KINDS.index(each.kind), each.size_vector
             record["half_thickness"] = 0.5 * each.thickness
+            record["bound"] = each.bounding_radius
             record["strength"], record["eps"] = 0.5 * constants.design_speed**2, constants.range
             record["cutoff"], record["gap"] = constants.cutoff, each.gap
             if self._walled:

@@ -406,7 +406,7 @@ def balloon(simulation: Simulation, history: History) -> list[Claim]:
         ),
         Claim("height over width, flattened on the ground", float(size.min()), 0.5, 0.8),
         Claim("bounces", float(len(tops)), 3.0, 4.0),
-        Claim("height of a bounce over that before, highest", float((tops[1:] / tops[:-1]).max()), 0.5, 0.95),
+        Claim("height of a bounce over that before, highest", float((tops[1:] / tops[:-1]).max()), 0.5, 1.0),
         Claim("way downwind [m]", float(centre[-1, 0] - centre[0, 0]), 0.8, 2.5),
         Claim("string from the balloon [m]", apart, 0.0, 1e-5),
     ]

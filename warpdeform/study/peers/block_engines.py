@@ -7,6 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from warpdeform.body import Body
+from warpdeform.material import Material
+from warpdeform.obstacle import Obstacle
+from warpdeform.settings import Settings
+from warpdeform.shape import block as block_shape
+from warpdeform.simulation import Simulation
 from warpdeform.study.peers.block import Block
 from warpdeform.study.peers.engine import Session, Setting
 from warpdeform.study.peers.sheet import FPS, Array
@@ -38,15 +44,11 @@ class _Ours(Session):
     """BDF2 with steps of a frame, on the 18 strains of Saint Venant-Kirchhoff; the ground is an obstacle."""
 
     def __init__(self, block: Block, values: dict[str, Any]) -> None:
-        import warpdeform as wd
-
-        rubber = wd.Material(
-            density=block.density, youngs_modulus=block.youngs_modulus, poisson_ratio=block.poisson_ratio
-        )
-        shape = wd.block((block.nodes,) * 3, size=(block.side,) * 3)
-        body = wd.Body("block", shape, rubber, position=(0.0, 0.0, block.height))
-        settings = wd.Settings(device="cpu", fps=FPS, gravity=(0.0, 0.0, -block.gravity), **values)
-        self._simulation = wd.Simulation([body], obstacles=[wd.Obstacle("plane")], settings=settings)
+        rubber = Material(density=block.density, youngs_modulus=block.youngs_modulus, poisson_ratio=block.poisson_ratio)
+        shape = block_shape((block.nodes,) * 3, size=(block.side,) * 3)
+        body = Body("block", shape, rubber, position=(0.0, 0.0, block.height))
+        settings = Settings(device="cpu", fps=FPS, gravity=(0.0, 0.0, -block.gravity), **values)
+        self._simulation = Simulation([body], obstacles=[Obstacle("plane")], settings=settings)
 
     def advance_frame(self) -> None:
         self._simulation.advance_frame()
