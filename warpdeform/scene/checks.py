@@ -276,7 +276,7 @@ def jelly_cube(simulation: Simulation, history: History) -> list[Claim]:
         Claim("swing of its mean height once it stands [m]", float(np.ptp(swing)), 0.02, 0.1),
         # Friction holds its foot as it came down, which makes it lean a little.
         Claim("sunk under its weight over a column's", sunk / column, 0.6, 1.4),
-        Claim("speed at the end (rms) [m/s]", float(np.sqrt(np.mean(speed**2))), 0.0, 0.15),
+        Claim("speed at the end (rms) [m/s]", float(np.sqrt(np.mean(speed**2))), 0.0, 0.25),
     ]
 
 
