@@ -50,7 +50,7 @@ def busy(**settings: Any) -> Simulation:
     loose: dict[str, Any] = {"pins": (), "springs": (Spring("corner:1,1", 5.0),), "velocity": (0, 0, -1)}
     scarf = hanging((4, 7), name="scarf", position=(0.0, 0.0, 0.4), **loose)
     ball = Obstacle(
-        "sphere", {"radius": 0.2}, track=Track.line((0.5, 0.5, 0.1), (0.5, 0.4, 0.2), 0.0, 0.5), friction=0.4
+        "sphere", {"radius": 0.2}, track=Track.line((0.5, 0.5, -0.1735), (0.5, 0.4, -0.07), 0.0, 0.5), friction=0.4
     )
     options = {key: settings.pop(key) for key in ("captured", "lane_width") if key in settings}
     wind, solver = Wind((3.0, 1.0, 0.0), gust=0.4), replace(REAL_TIME, **settings)

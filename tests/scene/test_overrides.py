@@ -102,3 +102,11 @@ def test_a_key_that_does_not_exist_is_refused(key: str, words: str) -> None:
     (mistake,) = mistakes
     assert words in str(mistake)
     assert str(mistake).startswith(f"--set: {key}")
+
+
+def test_values_that_are_given_stay_as_they_are() -> None:
+    bodies = [{"nodes": [3, 3]}]
+    raw: dict[str, object] = {}
+    apply_overrides(raw, [Override("body", bodies), Override("body.0.nodes", [5, 5])])
+    assert raw["body"] == [{"nodes": [5, 5]}]
+    assert bodies == [{"nodes": [3, 3]}]

@@ -2,6 +2,7 @@
 
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,11 +12,12 @@ import warp as wp
 from typer.testing import CliRunner
 
 from warpdeform.cli import app
-from warpdeform.scene import Override
+from warpdeform.scene import Override, load_scene
 from warpdeform.scene.measure import folds
 from warpdeform.study.bench import kernels as kernel_bench
 from warpdeform.study.bench import scaling as scaling_bench
 from warpdeform.study.bench import step as step_bench
+from warpdeform.study.bench import terms as term_bench
 from warpdeform.study.bench.iterations import bench_iterations
 from warpdeform.study.bench.kernels import bench_kernels
 from warpdeform.study.bench.machine import core_for, describe, one_core, sentence
@@ -227,6 +229,35 @@ def test_step_as_a_table() -> None:
     assert result.exit_code == 0, result.output
     assert "| 32 x 32 |    to tolerance |" in result.stdout
     assert "bytes per node (limit 1000)" in result.stdout
+
+
+def test_terms_add_to_their_body_and_absent_ones_cost_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    sheet, *_ = families = term_bench.families(9)
+    few = replace(sheet, terms={name: sheet.terms[name] for name in ("gravity", "drag")})
+    monkeypatch.setattr(term_bench, "families", lambda side: (few,))
+    assert [family.name.split()[0] for family in families] == ["sheet", "tube", "2", "block"]
+    costs = term_bench.bench_terms(9, repeats=1, steps=1, compile_=False)
+    alone, gravity, drag = costs.families[few.name]
+    assert alone.ns_per_node_per_step > 0
+    assert gravity.bytes_per_node < 1.0 < drag.bytes_per_node < alone.bytes_per_node
+    assert any(line.startswith("| + gravity ") for line in costs.lines())
+
+
+def test_every_family_of_terms_is_a_scene() -> None:
+    for family in term_bench.families(9):
+        for own in ({}, *family.terms.values()):
+            load_scene(term_bench.SCENE, {**term_bench.SOLVER, **family.values, **own})
+
+
+@pytest.mark.slow
+def test_terms_say_what_they_compile(monkeypatch: pytest.MonkeyPatch) -> None:
+    sheet = term_bench.families(9)[0]
+    few = replace(sheet, terms={"gravity": sheet.terms["gravity"], "bending": sheet.terms["bending"]})
+    monkeypatch.setattr(term_bench, "families", lambda side: (few,))
+    alone, gravity, bending = term_bench.bench_terms(9, repeats=1, steps=1).families[few.name]
+    assert not any("bending" in name or "gravity" in name for name in alone.compiled)
+    assert [name for name in gravity.compiled if "gravity" not in name] == []
+    assert any("bending" in name for name in bending.compiled)
 
 
 @pytest.mark.slow

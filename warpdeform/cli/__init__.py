@@ -13,6 +13,7 @@ from warpdeform.cli.info import info
 from warpdeform.cli.picture import picture
 from warpdeform.cli.run import run
 from warpdeform.cli.scenes import scenes
+from warpdeform.cli.study import study
 
 app = typer.Typer(
     name="warpdeform",
@@ -43,6 +44,7 @@ def _main(
 for command in (run, check, info, scenes, picture):
     app.command()(command)
 app.add_typer(bench, name="bench")
+app.add_typer(study, name="study")
 
 
 def main() -> None:

@@ -65,7 +65,7 @@ def kernels(
             said=_say,
         )
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
 @bench.command()
@@ -102,7 +102,7 @@ def step(
             said=_say,
         )
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
 @bench.command()
@@ -130,7 +130,7 @@ def threads(
             said=_say,
         )
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
 @bench.command()
@@ -158,7 +158,7 @@ def iterations(
             said=_say,
         )
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
 @bench.command()
@@ -199,7 +199,26 @@ def scaling(
             draw_scaling(found, picture)
         return found
 
-    _report(run, as_json)
+    report(run, as_json)
+
+
+@bench.command()
+@ending_well
+def terms(
+    side: Annotated[int, typer.Option("--size", min=4, help="Nodes along each side of the sheet.")] = 128,
+    precision: Precision = None,
+    repeats: Repeats = 9,
+    core: Core = None,
+    as_json: Json = False,
+) -> None:
+    """Time bodies of every kind with and without each term: ns, bytes and compile seconds that the term adds."""
+
+    def run() -> Result:
+        from warpdeform.study.bench.terms import bench_terms
+
+        return bench_terms(side, precision=_checked(precision), repeats=repeats, core=core, said=_say)
+
+    report(run, as_json)
 
 
 @bench.command()
@@ -216,7 +235,7 @@ def start(
 
         return bench_start(scene, repeats=repeats, said=_say)
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
 @bench.command()
@@ -253,10 +272,30 @@ def peers(
             draw_peers(times.runs, picture)
         return times
 
-    _report(run, as_json)
+    report(run, as_json)
 
 
-def _report(run: Callable[[], Result], as_json: bool) -> None:
+@bench.command()
+@ending_well
+def block(
+    nodes: Annotated[int, typer.Option("--size", min=3, help="Nodes along each side.")] = 10,
+    seconds: Annotated[float, typer.Option("--duration", min=0.05, help="Simulated time [s].")] = 2.0,
+    repeats: Repeats = 3,
+    core: Core = None,
+    as_json: Json = False,
+) -> None:
+    """Drop a block of rubber on the ground, here, in MuJoCo and in Newton: CPU time, how deep it dips, its volume."""
+
+    def run() -> Result:
+        from warpdeform.study.peers.block_bench import bench_block
+
+        return bench_block(nodes, seconds=seconds, repeats=repeats, core=core, said=_say)
+
+    report(run, as_json)
+
+
+def report(run: Callable[[], Result], as_json: bool) -> None:
+    """Run a benchmark or study and print what it found, for people or as JSON."""
     from warpdeform.cli.ending import quiet_warp
 
     with stdout_for_json(as_json):

@@ -257,6 +257,23 @@ def shrink_wrap(simulation: Simulation, history: History) -> list[Claim]:
     ]
 
 
+def grass(simulation: Simulation, history: History) -> list[Claim]:
+    """The blades bow with the wind without stretching or lying down; a gust bows neighbours alike, not all blades."""
+    blades = np.array(history.positions["blades"][history.after(2.0) :])  # frames, nodes, blades, 3
+    lean = (blades[:, -1] - blades[:, 0]) @ np.array([6.0, 1.0, 0.0]) / np.hypot(6.0, 1.0)
+    gust = lean - lean.mean(axis=1, keepdims=True)
+    rows = gust.reshape(len(gust), 40, 25)
+    alike = float((rows[:, 1:] * rows[:, :-1]).mean() / (rows**2).mean())
+    return [
+        _pins_still(history, simulation),
+        _stretch(simulation, 1.005),
+        Claim("mean lean of the tips with the wind [m]", float(lean.mean()), 0.15, 0.25),
+        Claim("lowest tip above the ground [m]", float(blades[:, -1, :, 2].min()), 0.05, 0.4),
+        Claim("how differently tips lean (root mean square) [m]", float(gust.std()), 0.01, 0.05),
+        Claim("correlation of neighbours, one mesh of 5 cm apart", alike, 0.7, 1.0),
+    ]
+
+
 def jelly_cube(simulation: Simulation, history: History) -> list[Claim]:
     """No cell turns over and nothing is in the table; it wobbles, and comes to rest as low as its weight makes it."""
     frames, rest = history.positions["jelly"], simulation["jelly"].body.shape.positions
@@ -352,6 +369,7 @@ CHECKS: dict[str, Check] = {
         spring_steel,
         coiled_cord,
         shrink_wrap,
+        grass,
         jelly_cube,
         ball_on_solid,
         balloon,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Iterable, Mapping
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any
 
@@ -76,7 +77,7 @@ def _set(raw: dict[str, Any], override: Override) -> Path:
         element = _element(raw, table, path, text, override)
         path = (*path, element)
         if depth == len(elements) - 1:
-            table[element] = override.value
+            table[element] = deepcopy(override.value)
         else:
             table = _opened(raw, table, path, elements[depth + 1])
     return path

@@ -1,4 +1,4 @@
-"""`python -m warpdeform.study.bench.first_frame SCENE FILE.usdc`: a fresh process up to its first computed frame.
+"""`python -m warpdeform.study.bench.first_frame SCENE FILE.usdc [VALUES]`: a fresh process up to its first frame.
 
 Prints Warp's own lines about modules, and one line of JSON with the seconds of each phase at the end. The imports stand
 inside the function because they are what is measured.
@@ -11,8 +11,14 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 
-def main(scene: str, output: str) -> None:
-    """Write the initial state and the first computed frame of a scene, and print what each phase took."""
+def main(scene: str, output: str, values: str = "{}") -> None:
+    """Write the initial state and the first computed frame of a scene, and print what each phase took.
+
+    Args:
+        scene: Name or path of the scene.
+        output: The USD file.
+        values: Values that replace some of the scene's, as JSON.
+    """
     ends: list[tuple[str, float, float]] = [("", time.perf_counter(), time.process_time())]
 
     def end(phase: str) -> None:
@@ -27,7 +33,7 @@ def main(scene: str, output: str) -> None:
     from warpdeform.scene.play import play
 
     end("import warpdeform and pydantic")
-    built = load_scene(scene, {"solver.device": "cpu"}, frames=2)
+    built = load_scene(scene, {**json.loads(values), "solver.device": "cpu"}, frames=2)
     end("read the scene")
     phases: Iterator[str] = iter(("load kernels, record the step, open USD", "first frame"))
     play(built, output, on_frame=lambda simulation: end(next(phases)))

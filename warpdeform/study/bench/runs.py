@@ -10,6 +10,7 @@ from warpdeform.errors import InputError, Mistake
 from warpdeform.scene import Override, load_scene
 from warpdeform.scene.build import BuiltScene
 from warpdeform.simulation import Simulation
+from warpdeform.study.bench.machine import clock_of
 
 
 @dataclass(frozen=True)
@@ -54,9 +55,10 @@ def scene_of(
     Raises:
         InputError: The scene is not in order, or an override is not, or sets what the benchmark sets.
     """
-    counts = [nodes, nodes]
+    first = load_scene(scene).bodies[0]
+    own = first.nodes[: first.shape.dimension]
+    counts = [nodes] * len(own)
     if keep_aspect:
-        own = load_scene(scene).bodies[0].nodes
         counts = [max(2, 1 + round((nodes - 1) * (n - 1) / (max(own) - 1))) for n in own]
     values = {"body.0.nodes": counts, **values}
     twice = [override for override in overrides if override.key in values]
@@ -77,20 +79,13 @@ def time_runs(simulation: Simulation, steps: int, *, repeats: int, least_s: floa
         repeats: Runs.
         least_s: Run on until the runs took this long in all [s].
     """
-    device = simulation.device
-    clock = time.perf_counter if device.is_cuda else time.process_time
     simulation.step()
     seconds: list[float] = []
     wall: list[float] = []
     while len(seconds) < repeats or sum(seconds) < least_s:
-        simulation.reset()
-        wp.synchronize_device(device)
-        start, start_wall = clock(), time.perf_counter()
-        for _ in range(steps):
-            simulation.step()
-        wp.synchronize_device(device)
-        seconds.append(clock() - start)
-        wall.append(time.perf_counter() - start_wall)
+        took, took_wall = time_steps(simulation, steps)
+        seconds.append(took)
+        wall.append(took_wall)
     record, info = simulation.record(), simulation.info()
     return Runs(
         seconds=tuple(seconds),
@@ -103,3 +98,16 @@ def time_runs(simulation: Simulation, steps: int, *, repeats: int, least_s: floa
         cg_capped=record.cg_capped,
         bytes_per_node=info.bytes_total / record.nodes,
     )
+
+
+def time_steps(simulation: Simulation, steps: int) -> tuple[float, float]:
+    """Time so many steps from the start: CPU time [s], of all threads (wall time on CUDA), and wall time [s]."""
+    device = simulation.device
+    clock = clock_of(device)
+    simulation.reset()
+    wp.synchronize_device(device)
+    start, start_wall = clock(), time.perf_counter()
+    for _ in range(steps):
+        simulation.step()
+    wp.synchronize_device(device)
+    return clock() - start, time.perf_counter() - start_wall

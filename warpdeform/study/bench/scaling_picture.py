@@ -7,6 +7,7 @@ from typing import Any
 
 from warpdeform.errors import InputError, Mistake
 from warpdeform.study.bench.scaling import MOST_GROWTH, REFERENCE, Scaling, SizeCost
+from warpdeform.study.drawing import new_figure
 
 SUFFIXES = (".png", ".svg", ".pdf")
 INK, LINE, FAINT = "#2b2b2b", "#1f6f8b", "#9a9a9a"
@@ -22,7 +23,7 @@ def check_picture(path: Path) -> None:
         raise InputError(Mistake("--picture", str(path), "is no kind of picture", f"End it in {', '.join(SUFFIXES)}."))
     if not path.parent.is_dir():
         raise InputError(Mistake("--picture", str(path), "lies in a folder that does not exist", "Make the folder."))
-    _figure()
+    new_figure((9.0, 3.8))
 
 
 def draw_scaling(scaling: Scaling, path: Path) -> None:
@@ -31,7 +32,7 @@ def draw_scaling(scaling: Scaling, path: Path) -> None:
     Raises:
         InputError: matplotlib is not installed.
     """
-    figure = _figure()
+    figure = new_figure((9.0, 3.8))
     costs = sorted(scaling.sizes, key=lambda cost: cost.nodes)
     nodes = [cost.nodes for cost in costs]
     whole, each = figure.subplots(1, 2)
@@ -63,13 +64,3 @@ def _curve(axes: Any, costs: Sequence[SizeCost], values: Sequence[float], name: 
     axes.set_ylabel(name, color=INK)
     axes.grid(which="major", color="#e4e4e4", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
-
-
-def _figure() -> Any:
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise InputError(
-            Mistake("--picture", "", f"needs matplotlib ({error})", "Run pip install 'warpdeform[pictures]'.")
-        ) from None
-    return Figure(figsize=(9.0, 3.8), layout="constrained")

@@ -103,10 +103,10 @@ def bench_start(
     with tempfile.TemporaryDirectory(prefix="warpdeform-bench-") as folder:
         for k in range(-(-repeats // 3)):
             said(f"cold start {k + 1}")
-            cold.append(_first_frame(scene, Path(folder), f"cache{k}"))
+            cold.append(first_frame(scene, Path(folder), f"cache{k}"))
         for k in range(repeats):
             said(f"warm start {k + 1}")
-            warm.append(_first_frame(scene, Path(folder), "cache0"))
+            warm.append(first_frame(scene, Path(folder), "cache0"))
     fastest = {"help": min(s.wall_s for s in help_), "cold": min(s.wall_s for s in cold)}
     fastest["warm"] = min(s.wall_s for s in warm)
     names = {"help": "warpdeform --help", "cold": f"cold start of {scene}", "warm": f"warm start of {scene}"}
@@ -114,8 +114,19 @@ def bench_start(
     return StartTimes(machine, scene, help_, tuple(cold), tuple(warm), targets)
 
 
-def _first_frame(scene: str, folder: Path, cache: str) -> Start:
-    command = [sys.executable, "-m", "warpdeform.study.bench.first_frame", scene, str(folder / "frames.usdc")]
+def first_frame(scene: str, folder: Path, cache: str, values: str = "{}") -> Start:
+    """Start a process that computes and writes one frame.
+
+    Args:
+        scene: Name or path of the scene.
+        folder: Where it may write.
+        cache: Name of the folder in there that is its kernel cache.
+        values: Values that replace some of the scene's, as JSON.
+
+    Raises:
+        WarpdeformError: It failed.
+    """
+    command = [sys.executable, "-m", "warpdeform.study.bench.first_frame", scene, str(folder / "frames.usdc"), values]
     return _start(command, {"WARP_CACHE_PATH": str(folder / cache)})
 
 

@@ -22,7 +22,7 @@ LIMITS_FROM = 32
 SIZES = {"cpu": (32, 64, 128), "cuda": (64, 128, 256, 512, 1024, 2048)}
 """Nodes along each side, where none are asked for."""
 _HEADER = (
-    "sheet", "Newton per step", "s per s, min", "s per s, median", "wall s per s", "ms per step",
+    "grid", "Newton per step", "s per s, min", "s per s, median", "wall s per s", "ms per step",
     "Newton", "CG", "CG capped", "ns/node/CG", "bytes/node", "GB/s", "share of copy",
 )  # fmt: skip
 
@@ -33,6 +33,7 @@ class StepTime:
 
     Attributes:
         nodes: Nodes along each side.
+        grid: Nodes along each axis of the first body, the last of curves counting strands.
         newton: Newton iterations per step that the solver was asked for; 0 iterates to a tolerance.
         sim_s: Simulated time [s].
         steps: Time steps.
@@ -50,6 +51,7 @@ class StepTime:
     """
 
     nodes: int
+    grid: str
     newton: int
     sim_s: float
     steps: int
@@ -135,20 +137,22 @@ def bench_step(
         said("copies in device memory")
         copies = copy_bandwidth(found)
         for nodes, iterations, built in scenes:
-            said(f"{nodes} x {nodes}, {iterations} Newton iterations per step")
+            grid = " x ".join(map(str, built.bodies[0].nodes))
+            said(f"{grid}, {iterations} Newton iterations per step")
             steps = (built.frames - 1) * built.settings.substeps
             traffic = run_traffic(built, steps)
             runs = time_runs(simulation_of(built), steps, repeats=repeats)
-            times.append(_summary(runs, nodes, iterations, traffic, copies))
+            times.append(_summary(runs, nodes, grid, iterations, traffic, copies))
     targets = _targets(times, scene, str(found))
     return StepTimes(machine, scene, str(found), precision, chosen, repeats, copies, tuple(times), targets)
 
 
-def _summary(runs: Runs, nodes: int, newton: int, traffic: float | None, copies: float) -> StepTime:
+def _summary(runs: Runs, nodes: int, grid: str, newton: int, traffic: float | None, copies: float) -> StepTime:
     median = statistics.median(runs.seconds)
     gb_per_s = 1e-9 * traffic / median if traffic is not None else None
     return StepTime(
         nodes=nodes,
+        grid=grid,
         newton=newton,
         sim_s=runs.sim_s,
         steps=runs.steps,
@@ -182,7 +186,7 @@ def _targets(runs: Sequence[StepTime], scene: str, device: str) -> tuple[Target,
 def _row(run: StepTime) -> list[str]:
     numbers = (run.fastest, run.median, run.wall, run.ms_per_step)
     return [
-        f"{run.nodes} x {run.nodes}",
+        run.grid,
         str(run.newton) if run.newton else "to tolerance",
         *map(three_digits, numbers),
         str(run.newton_iterations),

@@ -13,9 +13,9 @@ import numpy as np
 from warpdeform.errors import WarpdeformError
 from warpdeform.study.bench.machine import describe, one_core
 from warpdeform.study.bench.table import Target, targets_lines
+from warpdeform.study.errors import block_averaged, rms
 from warpdeform.study.peers.engine import Engine, Setting
 from warpdeform.study.peers.engines import ENGINES, find_engines
-from warpdeform.study.peers.errors import block_averaged, rms
 from warpdeform.study.peers.ours import TIMED_FROM
 from warpdeform.study.peers.processes import Reference, default_cache, find_reference, run_worker, start_seconds
 from warpdeform.study.peers.records import OURS, EngineFacts, PeerRun, targets, with_gains

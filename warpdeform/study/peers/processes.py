@@ -11,14 +11,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from warpdeform.errors import WarpdeformError
+from warpdeform.study.errors import block_averaged, rms
 from warpdeform.study.peers.engine import Engine, Setting
-from warpdeform.study.peers.errors import block_averaged, rms
 from warpdeform.study.peers.sheet import CHECKED, FRAMES, Array, Sheet
-from warpdeform.study.peers.worker import Answer, Job, answer_of
+from warpdeform.study.peers.worker import Answer, Job
 
 SINGLE_THREADED = {
     "OMP_NUM_THREADS": "1",
@@ -59,13 +60,44 @@ def run_worker(job: Job, environment: Mapping[str, str] | None = None) -> Answer
     Raises:
         WarpdeformError: The process failed.
     """
-    command = [sys.executable, "-m", "warpdeform.study.peers.worker", json.dumps(asdict(job))]
+    return Answer(**last_json(run_module("warpdeform.study.peers.worker", json.dumps(asdict(job)), environment)))
+
+
+def run_module(
+    module: str, argument: str, environment: Mapping[str, str] | None = None, folder: str | None = None
+) -> str:
+    """What a module prints that is run in a fresh process with one thread.
+
+    Args:
+        module: The module.
+        argument: Its argument.
+        environment: Further variables.
+        folder: Where it works; here by default.
+
+    Raises:
+        WarpdeformError: The process failed.
+    """
     variables = {**os.environ, **SINGLE_THREADED, **(environment or {})}
-    done = subprocess.run(command, env=variables, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-m", module, argument]
+    done = subprocess.run(command, env=variables, cwd=folder, capture_output=True, text=True, check=False)
     if done.returncode:
         problem = (done.stderr.strip() or done.stdout.strip()).splitlines()[-1:] or ["nothing said"]
-        raise WarpdeformError(f"{job.engine}: the worker ended with code {done.returncode}: {problem[0][-300:]}")
-    return answer_of(done.stdout)
+        raise WarpdeformError(f"the worker of {argument} ended with code {done.returncode}: {problem[0][-300:]}")
+    return done.stdout
+
+
+def last_json(output: str) -> dict[str, Any]:
+    """The last line of JSON in what a worker printed.
+
+    Raises:
+        WarpdeformError: It printed none.
+    """
+    lines = [line for line in output.splitlines() if line.startswith("{")]
+    try:
+        found: dict[str, Any] = json.loads(lines[-1])
+    except (IndexError, json.JSONDecodeError):
+        raise WarpdeformError(f"a worker gave no answer but: {output.strip()[-300:]}") from None
+    return found
 
 
 def start_seconds(engine: Engine, nodes: int, said: Callable[[str], None]) -> tuple[float, float]:

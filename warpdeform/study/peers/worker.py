@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from warpdeform.errors import SimulationFailure, WarpdeformError
+from warpdeform.errors import SimulationFailure
 from warpdeform.study.peers.engine import Engine, Setting
 from warpdeform.study.peers.engines import ENGINES
 from warpdeform.study.peers.sheet import CHECKED, FPS, Array, Sheet, longest_stretch
@@ -83,19 +83,6 @@ def work(job: Job) -> Answer:
     if job.file:
         np.save(job.file, np.array(kept))
     return Answer(spent, answer.frames, answer.max_stretch, answer.lowest, answer.trouble)
-
-
-def answer_of(output: str) -> Answer:
-    """The answer in what a worker printed.
-
-    Raises:
-        WarpdeformError: It printed none.
-    """
-    lines = [line for line in output.splitlines() if line.startswith("{")]
-    try:
-        return Answer(**json.loads(lines[-1]))
-    except (IndexError, TypeError, json.JSONDecodeError):
-        raise WarpdeformError(f"a worker gave no answer but: {output.strip()[-300:]}") from None
 
 
 def _run(engine: Engine, sheet: Sheet, setting: Setting, job: Job) -> tuple[Answer, list[Array]]:
