@@ -17,13 +17,13 @@ from warpdeform.coefficients import (
     SurfaceCoefficients,
 )
 from warpdeform.errors import InputError, Mistake
+from warpdeform.growth import CURVATURES, Growth
 from warpdeform.material import Material
 from warpdeform.section import Section
 from warpdeform.selectors import NodeSelector, select_nodes
 from warpdeform.shape import RestShape
 
 if TYPE_CHECKING:
-    from warpdeform.growth import Growth
     from warpdeform.track import Track
 
 Law = CurveCoefficients | PaperCurveWeights | SurfaceCoefficients | PaperWeights | SolidCoefficients | PaperSolidWeights
@@ -135,7 +135,7 @@ class Body:
     drag: float = 0.0
     wind_coefficient: float = 2.0
     pressure: float = 0.0
-    growth: "Growth | None" = None
+    growth: Growth | None = None
     section: Section | None = None
     natural: RestShape | None = None
     director: tuple[float, float, float] | None = None
@@ -200,11 +200,11 @@ class Body:
 
     def _growth_mistakes(self) -> list[Mistake]:
         assert self.growth is not None
-        if self.kind != "surface":
+        if self.kind not in CURVATURES:
             return [Mistake("growth", None, f"does not go with a {self.kind} yet", "Leave it out, or use a surface.")]
         found = self.growth.mistakes(self.shape.dimension, self.kind)
         if self.growth.curvature.any() and not found and not self._bends():
-            problem, remedy = "needs a surface that bends", "Give its material a bending stiffness."
+            problem, remedy = f"needs a {self.kind} that bends", "Give its material a bending stiffness."
             found.append(Mistake("curvature", self.growth.curvature, problem, remedy))
         try:
             self.growth.shares(self.shape.grid)
@@ -213,12 +213,13 @@ class Body:
         return [Mistake(f"growth.{m.key}", m.value, m.problem, m.remedy) for m in found]
 
     def _bends(self) -> bool:
-        """Whether the material of a surface resists bending; True also where it is refused for other reasons."""
+        """Whether the material resists bending; True also where it is refused for other reasons."""
         try:
-            coefficients = self.material.surface(self.shape.grid, at="nodes")
+            coefficients = LAWS[self.kind](self, "nodes")
         except InputError:
             return True
-        return bool(np.any(getattr(coefficients, "bending", getattr(coefficients, "xi", 0.0))))
+        stiffness = getattr(coefficients, "bending", getattr(coefficients, "xi", 0.0))
+        return any(np.any(value) for value in (stiffness if isinstance(stiffness, tuple) else (stiffness,)))
 
     @property
     def density(self) -> float | NDArray[np.float64]:

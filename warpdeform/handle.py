@@ -53,6 +53,7 @@ def _curve(model: Model) -> CurveElasticity:
         framed=clamps.twist,
         start=(model.initial_positions, body.rotation),
         clamps=clamps,
+        growth=body.growth,
     )
 
 
@@ -181,7 +182,7 @@ class BodyHandle:
     def max_stretch(self) -> float:
         """Longest edge over its rest length, which may have grown."""
         growth = getattr(self.elasticity, "growth", None)
-        return self.model.max_stretch(self.state.x, None if growth is None else growth.node_scales())
+        return self.model.max_stretch(self.state.x, None if growth is None else growth.edge_scales())
 
     def add_energies(self, energy: Energy) -> None:
         """Add this body's energies [J] to `energy`."""
