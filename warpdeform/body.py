@@ -17,7 +17,7 @@ from warpdeform.coefficients import (
     SurfaceCoefficients,
 )
 from warpdeform.errors import InputError, Mistake
-from warpdeform.growth import CURVATURES, Growth
+from warpdeform.growth import Growth
 from warpdeform.material import Material
 from warpdeform.section import Section
 from warpdeform.selectors import NodeSelector, select_nodes
@@ -200,8 +200,6 @@ class Body:
 
     def _growth_mistakes(self) -> list[Mistake]:
         assert self.growth is not None
-        if self.kind not in CURVATURES:
-            return [Mistake("growth", None, f"does not go with a {self.kind} yet", "Leave it out, or use a surface.")]
         found = self.growth.mistakes(self.shape.dimension, self.kind)
         if self.growth.curvature.any() and not found and not self._bends():
             problem, remedy = f"needs a {self.kind} that bends", "Give its material a bending stiffness."

@@ -23,6 +23,11 @@ CURVATURES: dict[str, tuple[tuple[int, ...], str, str]] = {
         "Give two for each time, about directors 1 and 2, or three.",
     ),
     "surface": ((0, 2, 3), "two curvatures and a twist", "Give two for each time, along u and v, or three."),
+    "solid": (
+        (0,),
+        "no natural curvature",
+        "Leave it out; a scale whose share (where) varies across the thickness bends a solid.",
+    ),
 }
 """How many curvatures each kind of body may be given for each time, what they are, and what to do about others."""
 
@@ -37,7 +42,8 @@ class Growth:
     comes on top of that.
 
     Of a curve the rest lengths of its segments grow; curvatures bend it about director 1 and director 2, and a third
-    one twists it, all of them for each length that it has grown to.
+    one twists it, all of them for each length that it has grown to. Cells of a solid grow along their edges, and keep
+    the angles between them; a solid has no curvature of its own, but bends where it grows on one side.
 
     Attributes:
         times: Times of the keyframes [s], increasing, shape (k,).
@@ -96,6 +102,11 @@ class Growth:
             raise InputError(mistakes)
         for name, value in (("times", t[:, 0]), ("scale", s), ("curvature", c), ("where", share)):
             object.__setattr__(self, name, value)
+
+    @property
+    def varies(self) -> bool:
+        """Places may take different shares in it."""
+        return self.where is not None
 
     def mistakes(self, grid_axes: int, kind: str) -> list[Mistake]:
         """What does not go with a body of so many connected axes."""

@@ -61,7 +61,8 @@ def _solid(model: Model) -> SolidElasticity:
     body, rest = model.body, model.body.shape.positions
     if body.material.inversion_barrier:
         refuse_inverted(model.grid, rest, model.initial_positions)
-    return SolidElasticity(model.grid, model.layout, rest, body.material, model.real, model.device)
+    device, growth = model.device, body.growth
+    return SolidElasticity(model.grid, model.layout, rest, body.material, model.real, device, growth=growth)
 
 
 ELASTICITY: dict[str, Callable[[Model], Force]] = {

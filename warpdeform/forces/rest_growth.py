@@ -46,10 +46,9 @@ class GrowthOnGrid:
         return replace(self, grid=transfer.coarse, cells=cells, nodes=nodes)
 
     @property
-    def even(self) -> bool:
-        """Every place takes the same share in it."""
-        shares = (*self.cells.flat, *self.nodes.flat)
-        return min(shares) == max(shares)
+    def varies(self) -> bool:
+        """Places take different shares in it."""
+        return self.growth.varies
 
     def edge_shares(self, axis: int) -> Array:
         """Shares of the edges along an axis: a curve's are its cells, others lie between two nodes."""
@@ -79,7 +78,8 @@ class RestGrowth:
 
     That happens on the device and between steps, when a growth has moved on. So everything that reads them, on every
     grid, sees the rest shape of the moment, and what does not grow has no part in it. A factor for the kernels to
-    multiply by, which even growth could do with, would be a variant of each of them; this costs 1 to 4 % of a step.
+    multiply by, which even growth could do with, would be a variant of each of them; this costs surfaces 1 to 4 % of a
+    step.
 
     Each kind of body has its own, which says what changes (`_keep`).
 
