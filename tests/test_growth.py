@@ -11,7 +11,7 @@ from warpdeform.body import Body
 from warpdeform.errors import InputError
 from warpdeform.growth import Growth
 from warpdeform.material import Material
-from warpdeform.shape import line, sheet
+from warpdeform.shape import block, line, sheet
 from warpdeform.varying import Varying
 
 CLOTH = Material(areal_density=0.2, membrane_stiffness=1000.0, poisson_ratio=0.3, bending_stiffness=1e-5)
@@ -78,14 +78,49 @@ def test_what_does_not_fit_the_body_is_refused(growth: Growth, said: str) -> Non
     assert said in refusal(Body, "leaf", sheet((5, 4)), CLOTH, growth=growth)
 
 
-def test_membranes_do_not_curl_and_curves_do_not_grow_yet() -> None:
+@pytest.mark.parametrize(
+    ("growth", "said"),
+    [
+        (
+            Growth([0.0], [[1.0, 1.1]]),
+            "growth.scale = [[1.0, 1.1]]: has 2 factors for each time, where a curve has one",
+        ),
+        (Growth([0.0], curvature=[[1.0]]), "has 1 numbers for each time, where a curve has two curvatures and a twist"),
+        (Growth([0.0], where=np.ones((3, 3))), "growth.where: has the shape 3 x 3"),
+    ],
+)
+def test_what_does_not_fit_a_curve_is_refused(growth: Growth, said: str) -> None:
+    wire = Material(linear_density=0.1, axial_stiffness=50.0, bending_stiffness=0.1)
+    assert said in refusal(Body, "hair", line((5,)), wire, growth=growth)
+
+
+@pytest.mark.parametrize(
+    ("growth", "said"),
+    [
+        (Growth([0.0], [[1.0, 1.1]]), "growth.scale = [[1.0, 1.1]]: has 2 factors for each time, where a solid has 3"),
+        (Growth([0.0], curvature=[[1.0, 0.0]]), "has 2 numbers for each time, where a solid has no natural curvature"),
+        (Growth([0.0], where=np.ones((3, 3))), "growth.where: has the shape 3 x 3"),
+    ],
+)
+def test_what_does_not_fit_a_solid_is_refused(growth: Growth, said: str) -> None:
+    rubber = Material(density=1000.0, youngs_modulus=1e5, poisson_ratio=0.3)
+    assert said in refusal(Body, "jelly", block((3, 4, 5)), rubber, growth=growth)
+    Body("jelly", block((3, 4, 5)), rubber, growth=Growth([0.0], [[1.0, 1.0, 1.2]], where=lambda u, v, w: w))
+
+
+def test_what_does_not_bend_does_not_curl() -> None:
     curl = Growth([0.0], curvature=[[5.0, 0.0]])
     membrane = replace(CLOTH, bending_stiffness=None)
     assert "growth.curvature = [[5.0, 0.0]]: needs a surface that bends" in refusal(
         Body, "leaf", sheet((5, 4)), membrane, growth=curl
     )
     Body("leaf", sheet((5, 4)), membrane, growth=Growth([0.0], [1.1], [[0.0, 0.0]]))
-    assert "growth: does not go with a curve yet" in refusal(Body, "hair", line((5,)), CLOTH, growth=curl)
+    string = Material(linear_density=0.1, axial_stiffness=50.0)
+    assert "growth.curvature = [[5.0, 0.0]]: needs a curve that bends" in refusal(
+        Body, "hair", line((5,)), string, growth=curl
+    )
+    Body("hair", line((5,)), string, growth=Growth([0.0], [1.1]))
+    Body("hair", line((5,)), replace(string, bending_stiffness=0.1), growth=curl)
 
 
 def test_shares_of_places() -> None:

@@ -17,6 +17,7 @@ from warpdeform.coefficients import (
     SurfaceCoefficients,
 )
 from warpdeform.errors import InputError, Mistake
+from warpdeform.growth import Growth
 from warpdeform.material import Material
 from warpdeform.section import Section
 from warpdeform.selectors import NodeSelector, select_nodes
@@ -24,7 +25,6 @@ from warpdeform.shape import RestShape
 from warpdeform.varying import Varying
 
 if TYPE_CHECKING:
-    from warpdeform.growth import Growth
     from warpdeform.track import Track
 
 Law = CurveCoefficients | PaperCurveWeights | SurfaceCoefficients | PaperWeights | SolidCoefficients | PaperSolidWeights
@@ -139,7 +139,7 @@ class Body:
     drag: float = 0.0
     wind_coefficient: float = 2.0
     pressure: float = 0.0
-    growth: "Growth | None" = None
+    growth: Growth | None = None
     section: Section | None = None
     natural: RestShape | None = None
     director: tuple[float, float, float] | None = None
@@ -210,11 +210,9 @@ class Body:
 
     def _growth_mistakes(self) -> list[Mistake]:
         assert self.growth is not None
-        if self.kind != "surface":
-            return [Mistake("growth", None, f"does not go with a {self.kind} yet", "Leave it out, or use a surface.")]
         found = self.growth.mistakes(self.shape.dimension, self.kind)
         if self.growth.curvature.any() and not found and not self._bends():
-            problem, remedy = "needs a surface that bends", "Give its material a bending stiffness."
+            problem, remedy = f"needs a {self.kind} that bends", "Give its material a bending stiffness."
             found.append(Mistake("curvature", self.growth.curvature, problem, remedy))
         try:
             self.growth.shares(self.shape.grid)
@@ -223,12 +221,13 @@ class Body:
         return [Mistake(f"growth.{m.key}", m.value, m.problem, m.remedy) for m in found]
 
     def _bends(self) -> bool:
-        """Whether the material of a surface resists bending; True also where it is refused for other reasons."""
+        """Whether the material resists bending; True also where it is refused for other reasons."""
         try:
-            coefficients = self.material.surface(self.shape.grid, at="nodes")
+            coefficients = LAWS[self.kind](self, "nodes")
         except InputError:
             return True
-        return bool(np.any(getattr(coefficients, "bending", getattr(coefficients, "xi", 0.0))))
+        stiffness = getattr(coefficients, "bending", getattr(coefficients, "xi", 0.0))
+        return any(np.any(value) for value in (stiffness if isinstance(stiffness, tuple) else (stiffness,)))
 
     @property
     def density(self) -> float | NDArray[np.float64]:

@@ -16,20 +16,41 @@ SMALLEST = 0.05
 LARGEST = 20.0
 """Largest scale."""
 
+CURVATURES: dict[str, tuple[tuple[int, ...], str, str]] = {
+    "curve": (
+        (0, 2, 3),
+        "two curvatures and a twist",
+        "Give two for each time, about directors 1 and 2, or three.",
+    ),
+    "surface": ((0, 2, 3), "two curvatures and a twist", "Give two for each time, along u and v, or three."),
+    "solid": (
+        (0,),
+        "no natural curvature",
+        "Leave it out; a scale whose share (where) varies across the thickness bends a solid.",
+    ),
+}
+"""How many curvatures each kind of body may be given for each time, what they are, and what to do about others."""
+
 
 @dataclass(frozen=True, eq=False)
 class Growth:
     """How the rest shape of a body changes: linear between keyframes, constant before the first and after the last.
 
     What a body wants to be is said by its rest metric G0 and rest curvature B0. The metric grows by the square of
-    `scale`: strains are those against s^2 G0, over an area that has grown, too. Mass and thickness stay. Lines keep the
-    angles by which they turn, so that a shape grows into one like itself; `curvature` comes on top of that.
+    `scale`: strains are those against s^2 G0, over a length, area or volume that has grown, too. Mass, thickness and
+    sections stay. Lines keep the angles by which they turn, so that a shape grows into one like itself; `curvature`
+    comes on top of that.
+
+    Of a curve the rest lengths of its segments grow; curvatures bend it about director 1 and director 2, and a third
+    one twists it, all of them for each length that it has grown to. Cells of a solid grow along their edges, and keep
+    the angles between them; a solid has no curvature of its own, but bends where it grows on one side.
 
     Attributes:
         times: Times of the keyframes [s], increasing, shape (k,).
         scale: Factors of the rest lengths along each axis, shape (k, axes), or (k, 1) for all of them.
         curvature: Natural curvatures that are added [1/m], shape (k, n): of surfaces along u and v, and with a third
-            one the twist; positive ones curl towards the normal r_u x r_v. (k, 0) for none.
+            one the twist; positive ones curl towards the normal r_u x r_v. Of curves about directors 1 and 2, and with
+            a third one the twist per length, right-handed. (k, 0) for none.
         where: Share that a place takes in it, from 0 to 1; None is all of it everywhere.
 
     Raises:
@@ -82,16 +103,23 @@ class Growth:
         for name, value in (("times", t[:, 0]), ("scale", s), ("curvature", c), ("where", share)):
             object.__setattr__(self, name, value)
 
+    @property
+    def varies(self) -> bool:
+        """Places may take different shares in it."""
+        return self.where is not None
+
     def mistakes(self, grid_axes: int, kind: str) -> list[Mistake]:
         """What does not go with a body of so many connected axes."""
         found = []
         factors, curvatures = self.scale.shape[1], self.curvature.shape[1]
         if factors not in (1, grid_axes):
-            problem = f"has {factors} factors for each time, where a {kind} has {grid_axes} axes"
-            found.append(Mistake("scale", self.scale, problem, f"Give one factor for each time, or {grid_axes}."))
-        if kind == "surface" and curvatures not in (0, 2, 3):
-            problem = f"has {curvatures} numbers for each time, where a surface has two curvatures and a twist"
-            remedy = "Give two for each time, along u and v, or three."
+            axes = f"{grid_axes} axes" if grid_axes > 1 else "one axis"
+            problem = f"has {factors} factors for each time, where a {kind} has {axes}"
+            remedy = "Give one factor for each time" + (f", or {grid_axes}." if grid_axes > 1 else ".")
+            found.append(Mistake("scale", self.scale, problem, remedy))
+        allowed, what, remedy = CURVATURES[kind]
+        if curvatures not in allowed:
+            problem = f"has {curvatures} numbers for each time, where a {kind} has {what}"
             found.append(Mistake("curvature", self.curvature, problem, remedy))
         return found
 

@@ -53,6 +53,7 @@ def _curve(model: Model) -> CurveElasticity:
         framed=clamps.twist,
         start=(model.initial_positions, body.rotation),
         clamps=clamps,
+        growth=body.growth,
     )
 
 
@@ -60,7 +61,8 @@ def _solid(model: Model) -> SolidElasticity:
     body, rest = model.body, model.body.shape.positions
     if body.material.inversion_barrier:
         refuse_inverted(model.grid, rest, model.initial_positions)
-    return SolidElasticity(model.grid, model.layout, rest, body.material, model.real, model.device)
+    device, growth = model.device, body.growth
+    return SolidElasticity(model.grid, model.layout, rest, body.material, model.real, device, growth=growth)
 
 
 def _skin(body: Body, model: Model) -> Array:
@@ -207,7 +209,7 @@ class BodyHandle:
     def max_stretch(self) -> float:
         """Longest edge over its rest length, which may have grown."""
         growth = getattr(self.elasticity, "growth", None)
-        return self.model.max_stretch(self.state.x, None if growth is None else growth.node_scales())
+        return self.model.max_stretch(self.state.x, None if growth is None else growth.edge_scales())
 
     def add_energies(self, energy: Energy) -> None:
         """Add this body's energies [J] to `energy`."""

@@ -130,12 +130,11 @@ class Model:
 
         Args:
             positions: Component array (3, rows, columns) [m].
-            scales: Factors by which rest lengths have grown along each axis, per node; None if they have not.
+            scales: Factors by which the edges along each axis have grown at rest; None if they have not.
         """
         lengths, rest_lengths = _edge_lengths(self.grid, self.download(positions)), self._rest_lengths
         if scales is not None:
-            grown = [self.grid.means(scale, axis) for axis, scale in enumerate(scales)]
-            rest_lengths = [length * scale for length, scale in zip(rest_lengths, grown, strict=True)]
+            rest_lengths = [length * scale for length, scale in zip(rest_lengths, scales, strict=True)]
         return float(max(np.max(now / rest) for now, rest in zip(lengths, rest_lengths, strict=True)))
 
 

@@ -9,6 +9,7 @@ from surfaces import REALS, WIDTHS
 
 from warpdeform.forces.solid_elasticity import SolidElasticity
 from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.growth import Growth
 from warpdeform.material import Material
 
 Array = np.ndarray[Any, Any]
@@ -23,17 +24,20 @@ RINGS = [(axis, around) for axis in range(3) for around in (5, 16)]
 class Ring:
     """The elastic term of a thick ring, with NumPy arrays of shape (*nodes, ...) going in and coming out."""
 
-    def __init__(self, axis: int, around: int, material: str, real: Any = wp.float64, lane_width: int = 1) -> None:
+    def __init__(
+        self, axis: int, around: int, material: str, real: Any = wp.float64, lane_width: int = 1, size: float = 1.0,
+        **options: Any,
+    ) -> None:  # fmt: skip
         angle = 2 * np.pi * np.arange(around) / around
         rho, theta, z = np.meshgrid(np.linspace(0.5, 0.9, 4), angle, np.linspace(0.0, 0.3, 3), indexing="ij")
         order = {0: (1, 0, 2), 1: (0, 1, 2), 2: (0, 2, 1)}[axis]
-        self.rest = np.stack([rho * np.cos(theta), rho * np.sin(theta), z], -1).transpose(*order, 3)
+        self.rest = size * np.stack([rho * np.cos(theta), rho * np.sin(theta), z], -1).transpose(*order, 3)
         spacing = np.array([0.4 / 3, 2 * np.pi / around, 0.15])[list(order)]
         nodes = self.rest.shape[:3]
         grid = ParameterGrid(nodes, tuple(spacing), tuple(k == axis for k in range(3)))
         self.real, self.nodes = real, nodes
         self.layout = Layout(nodes, lane_width, grid.periodic)
-        self.term = SolidElasticity(grid, self.layout, self.rest, MATERIALS[material], real, "cpu")
+        self.term = SolidElasticity(grid, self.layout, self.rest, MATERIALS[material], real, "cpu", **options)
 
     def upload(self, values: Array) -> wp.array:
         return wp.array(self.layout.pack(values), dtype=self.real, device="cpu")
@@ -112,3 +116,19 @@ def test_force_on_a_turned_ring_turns_with_the_axis_of_the_grid() -> None:
         forces.append(ring.gradient(z).transpose(*order, 3))
     for force in forces[1:]:
         np.testing.assert_allclose(force, forces[0], atol=1e-12 * np.abs(forces[0]).max())
+
+
+@pytest.mark.parametrize(("axis", "around"), RINGS)
+@pytest.mark.parametrize("material", MATERIALS)
+@pytest.mark.parametrize("lane_width", [1, 8])
+def test_rings_grow_into_larger_rings(axis: int, around: int, material: str, lane_width: int) -> None:
+    small = Ring(axis, around, material, lane_width=lane_width, growth=Growth([0.0, 1.0], [1.0, 1.3]))
+    small.term.prepare(1.0, 0.1, 0.1)
+    large = Ring(axis, around, material, lane_width=lane_width, size=1.3)
+    rng = np.random.default_rng(5)
+    z, p = large.rest + rng.normal(0, 0.01, large.rest.shape), rng.normal(0, 1, large.rest.shape)
+    assert small.energy(z) == pytest.approx(large.energy(z), rel=1e-11)
+    for found, wanted in (
+        (small.gradient(z), large.gradient(z)), (small.product(p), large.product(p)), (small.blocks(), large.blocks()),
+    ):  # fmt: skip
+        np.testing.assert_allclose(found, wanted, atol=1e-11 * np.abs(wanted).max())

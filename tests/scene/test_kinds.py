@@ -10,11 +10,11 @@ from warpdeform.errors import InputError
 from warpdeform.scene import load_scene
 from warpdeform.shape import helix, line, pipe, strands, torus, tube
 
+MADE_OF = "areal_density = 1.0, linear_density = 1.0, density = 1.0, eta = 1.0"
 
-def body_of(folder: Path, text: str) -> Body:
-    (folder / "scene.toml").write_text(
-        f"[[body]]\nmaterial = {{ areal_density = 1.0, linear_density = 1.0, density = 1.0, eta = 1.0 }}\n{text}"
-    )
+
+def body_of(folder: Path, text: str, made_of: str = MADE_OF) -> Body:
+    (folder / "scene.toml").write_text(f"[[body]]\nmaterial = {{ {made_of} }}\n{text}")
     return load_scene(folder / "scene.toml").bodies[0]
 
 
@@ -146,3 +146,23 @@ def test_files_say_what_closes(tmp_path: Path) -> None:
 )
 def test_mistakes_of_all_kinds(tmp_path: Path, text: str, message: str) -> None:
     assert refusal(tmp_path, text).startswith(message)
+
+
+def test_rest_shapes_of_curves_and_solids_may_change(tmp_path: Path) -> None:
+    np.save(tmp_path / "side.npy", np.linspace(0, 1, 4) * np.ones((4, 4, 4)))
+    curve = body_of(
+        tmp_path,
+        'nodes = [9]\nshape = { kind = "line" }\n'
+        "rest = { times = [0, 2], scale = [1, 1.5], curvature = [[0, 0, 0], [5, 0, 2]] }",
+        MADE_OF + ", xi = 1.0",
+    )
+    assert curve.growth is not None
+    assert [part.tolist() for part in curve.growth.at(1.0, 1, 3)] == [[1.25], [2.5, 0.0, 1.0]]
+    solid = body_of(
+        tmp_path,
+        'nodes = [4, 4, 4]\nshape = { kind = "block" }\n'
+        'rest = { times = [0, 2], scale = [[1, 1, 1], [1, 1, 1.2]], where = { array = "side.npy" } }',
+    )
+    assert solid.growth is not None
+    np.testing.assert_allclose(solid.growth.at(1.0, 3, 0)[0], [1.0, 1.0, 1.1])
+    assert solid.growth.shares(solid.shape.grid)[0][0, 0].tolist() == pytest.approx([1 / 6, 0.5, 5 / 6])

@@ -3,9 +3,14 @@
 import numpy as np
 import pytest
 
+from warpdeform.body import Body
+from warpdeform.material import Material
 from warpdeform.obstacle import Obstacle
 from warpdeform.scene.checks import Claim
-from warpdeform.scene.measure import asymmetry, capsule_gaps, depth, samples
+from warpdeform.scene.measure import asymmetry, capsule_gaps, depth, load_on_sphere, relative_volumes, samples
+from warpdeform.settings import Settings
+from warpdeform.shape import block, sheet
+from warpdeform.simulation import Simulation
 from warpdeform.track import Track, rotation_to
 
 
@@ -65,3 +70,34 @@ def test_asymmetry_is_zero_of_a_symmetric_sheet_only() -> None:
 @pytest.mark.parametrize(("value", "holds"), [(0.5, True), (1.0, True), (1.1, False), (-0.1, False), (np.nan, False)])
 def test_a_claim_holds_within_its_bounds(value: float, holds: bool) -> None:
     assert Claim("it", value, 0.0, 1.0).holds is holds
+
+
+def test_volumes_of_cells_have_a_sign() -> None:
+    rest = block((3, 4, 3), (0.2, 0.3, 0.2)).positions
+    np.testing.assert_allclose(relative_volumes(rest @ np.diag([2.0, 1.5, 0.5]), rest), 1.5)
+    np.testing.assert_allclose(relative_volumes(rest * [1.0, 1.0, -1.0], rest), -1.0)
+    pushed = rest.copy()
+    pushed[1, 1, 2] -= [0.0, 0.0, 0.25]
+    found = relative_volumes(pushed, rest)
+    assert found.shape == (2, 3, 2)
+    assert (found[:, :2, 1] < 0.75).all()
+    np.testing.assert_allclose(found[:, 2], 1.0)
+
+
+@pytest.mark.parametrize("height", [0.1003, 0.0998])
+def test_load_on_a_sphere_is_what_its_field_does(height: float) -> None:
+    # One node below the sphere, outside of it and inside: the slope of the energy that the engine has there.
+    ball = Obstacle("sphere", {"radius": 0.1}, design_speed=2.0, track=Track.fixed((0.0, 0.0, 0.3)))
+    positions = np.array([[[0.0, 0.0, 0.3 - height], [0.0, 0.0, -1.0]], [[0.0, 0.0, -2.0], [0.0, 0.0, -3.0]]])
+    body = Body("sheet", sheet((2, 2)), Material.preset("cotton"), initial_positions=positions)
+    settings = Settings(precision="float64", device="cpu")
+    handle = Simulation([body], obstacles=[ball], settings=settings)["sheet"]
+    (term,) = (each for each in handle.terms if each.name == "obstacles")
+    gradient = handle.model.zeros(3)
+    term.linearise(handle.state, handle.state.x)
+    term.add_gradient(handle.state, handle.state.x, gradient)
+    pressed = np.sum(handle.model.download(gradient), axis=(0, 1))
+    mass = np.asarray(handle.model.node_mass)
+    found = load_on_sphere(ball, positions.reshape(-1, 3), mass.reshape(-1), 0.0, settings.gravity)
+    assert pressed[2] > 1.0
+    np.testing.assert_allclose(found, pressed, rtol=1e-9)

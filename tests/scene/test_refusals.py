@@ -39,6 +39,13 @@ def pgm(values: bytes, width: int, height: int) -> bytes:
         (ROD + 'natural = { kind = "file", path = "line.npy" }', 'body.0.natural.path = "line.npy": holds', "9 points"),
         (SHEET + SHELL + "rest = { times = [0.0], scale = [[1.0, 1.0, 1.0]] }", "body.0.rest.scale = [[1.0", "or 2"),
         (SHEET + SHELL + "rest = { times = [0.0], curvature = [[1.0]] }", "body.0.rest.curvature = [[1.0]]", "three"),
+        (ROD + "rest = { times = [0.0], scale = [[1.0, 1.0]] }", "body.0.rest.scale = [[1.0", "one factor for each"),
+        (ROD + "rest = { times = [0.0], curvature = [[1.0]] }", "body.0.rest.curvature = [[1.0]]", "three"),
+        (
+            BLOCK + "poisson_ratio = 0.3 }\nrest = { times = [0.0], curvature = [[1.0, 0.0]] }",
+            "body.0.rest.curvature = [[1.0, 0.0]]: has 2 numbers for each time, where a solid has no",
+            "Leave it out",
+        ),
         (
             SHEET + SHELL.replace("0.01", '{ array = "wide.npy" }'),
             'body.0.material.thickness = "wide.npy": has',

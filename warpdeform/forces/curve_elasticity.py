@@ -10,8 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from warpdeform.clamps import Clamps
 from warpdeform.forces.curve_coefficients import CurveStiffness, Sections, curve_stiffness, segment_lengths
 from warpdeform.forces.curve_frames import MaterialFrames
+from warpdeform.forces.curve_growth import CurveGrowth
 from warpdeform.forces.force import BodyArrays, Force, GridArrays
+from warpdeform.forces.rest_growth import GROWING_STEPS
 from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.growth import Growth
 from warpdeform.halo import Halo
 from warpdeform.kernels.curve import SLOPE_COMPONENTS, STRETCH_COMPONENTS, curve, flux_components
 from warpdeform.kernels.curve_blocks import curve_blocks
@@ -25,8 +28,12 @@ class CurveElasticity(Force):
     """Stretch of many strands side by side; bending where the material has it; twist where something asks for it.
 
     A material frame is kept where bending cannot do without: sections that do not bend alike in every direction,
-    natural curvature or twist, or `framed`. Round strands that are straight at rest have none, nor kernels or arrays
-    for it: as long as one of their ends is free to turn their twist costs no energy.
+    natural curvature or twist, also such as a growth adds, or `framed`. Round strands that are straight at rest have
+    none, nor kernels or arrays for it: as long as one of their ends is free to turn their twist costs no energy.
+
+    With a `growth` the rest lengths of the segments change, and so do the coefficients that have them in the
+    denominator; natural curvatures about both directors and a natural twist come on top of those of the rest shape
+    (:mod:`warpdeform.kernels.curve_growth`).
 
     There are no coarser grids of a curve: strands are solved directly (:mod:`warpdeform.linear.strands`).
 
@@ -46,11 +53,13 @@ class CurveElasticity(Force):
         start: Initial positions [m], shape (n, strands, 3), and the rotation (x, y, z, w) that they have from the rest
             shape, where they are others.
         clamps: Segments whose directors are held, and how they turn.
+        growth: How the rest shape changes over time; None if it stays.
 
     Attributes:
-        stiffness: Weights of the strains.
+        stiffness: Weights of the strains at the start.
         frames: The material frames; None without.
         angled: The direct solve has the angles as unknowns.
+        growth: What the growth changes; None without.
 
     Raises:
         InputError: Shape, material, sections or directors that do not fit together.
@@ -76,9 +85,12 @@ class CurveElasticity(Force):
         framed: bool = False,
         start: tuple[Array, Sequence[float]] | None = None,
         clamps: Clamps | None = None,
+        growth: Growth | None = None,
     ) -> None:
         wound = director is not None and np.ndim(director) == 3
-        self.stiffness: CurveStiffness = curve_stiffness(grid, rest, material, section, natural, framed or wound)
+        curls = growth is not None and bool(growth.curvature.any())
+        framed = framed or wound or curls
+        self.stiffness: CurveStiffness = curve_stiffness(grid, rest, material, section, natural, framed)
         strains = self._strains = self.stiffness.strains
         self._layout, self._device = layout, device
         self._lane_width, self._real = layout.lane_width, real
@@ -114,12 +126,28 @@ class CurveElasticity(Force):
                 self.frames.hold(clamps.held(0.0))
         self._clamps = clamps if clamps is not None and clamps.change else None
         self.angled = self.frames is not None
+        self.growth: CurveGrowth | None = None
+        if growth is not None:
+            self.most_steps = GROWING_STEPS
+            self.growth = CurveGrowth(
+                growth,
+                grid,
+                layout,
+                self._halo,
+                rest,
+                normalised=material.form != "eta",
+                axial=self.axial,
+                g0=self.g0,
+                bending=self.bending if bends else None,
+                natural=self.frames.natural if self.frames else None,
+            )
 
     @property
     def kernels(self) -> tuple[str, ...]:
         """Names of the kernels that a step launches."""
         names = ["curve.product", "curve.gather", "curve_blocks.block_nodes", "curve_blocks.band_nodes"]
         names += ["halo.wrap"] if self._loop else []
+        names += self.growth.kernels if self.growth else ()
         if self.frames:
             return (*names, "curve_blocks.band_angles", *self.frames.kernels)
         return ("curve.stress", "curve.energy", *names)
@@ -128,6 +156,7 @@ class CurveElasticity(Force):
         """Device memory that the term keeps [bytes]."""
         arrays = (self.axial, self.g0, self.bending, self.stretch, self.slopes, self.flux)
         own = sum(int(array.capacity) for array in arrays) + self._halo.bytes()
+        own += self.growth.bytes() if self.growth else 0
         return own + (self.frames.bytes() if self.frames else 0)
 
     def _launch(self, kernel: Any, *arguments: Any) -> None:
@@ -142,7 +171,9 @@ class CurveElasticity(Force):
         self._launch(self._words.measure, position, self._loop, self._floor, metric_out, binormal_out)
 
     def prepare(self, time: float, dt: float, tau: float) -> None:
-        """Which directors clamps hold in the step that ends at `time` [s], and where they have turned them."""
+        """Let the rest shape grow, and clamps hold and turn the directors that they do in the step up to `time` [s]."""
+        if self.growth:
+            self.growth.follow(time)
         if self.frames and self._clamps:
             directors = self._clamps.directors(self.frames.start.directors, time)
             self.frames.hold(self._clamps.held(time), directors)

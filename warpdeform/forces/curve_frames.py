@@ -89,8 +89,9 @@ class MaterialFrames:
         # At the iterate.
         self.spins, self._chain, self.turn = zeros(SPIN_COMPONENTS), zeros(CHAIN_COMPONENTS), zeros(1)
         self.start = material_frames(grid, shape, director)
-        strains = material_strains(grid, shape, self.start)
-        self.natural: wp.array = wp.array(layout.pack(strains), dtype=real, device=device)
+        # That natural curvature and twist may grow is nothing to the twist that the frames start with.
+        self._unstrained = layout.pack(material_strains(grid, shape, self.start))
+        self.natural: wp.array = wp.array(self._unstrained, dtype=real, device=device)
         kept = [*vars(self).values(), *self._newton]
         self._arrays = [array for array in kept if isinstance(array, wp.array) and array is not weights]
         self.hold(np.zeros(self.start.tangents.shape[:2], dtype=bool))
@@ -144,7 +145,7 @@ class MaterialFrames:
         """Back to where the frames start from (host)."""
         self._tangent.assign(self._layout.pack(self.start.tangents))
         self._director.assign(self._layout.pack(self.start.directors))
-        self._twist_before.assign(self.natural[2:3])
+        self._twist_before.assign(self._unstrained[2:3])
         self._angle.zero_()
 
     def settle(self, position: wp.array, trial: bool = False) -> wp.array:

@@ -1,5 +1,6 @@
 """The elastic energy of a solid (design 1.3)."""
 
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -9,8 +10,11 @@ from numpy.typing import NDArray
 
 from warpdeform.coefficients import PaperSolidWeights, SolidCoefficients
 from warpdeform.forces.force import BodyArrays, Coarsening, CoarseTerm, Force, GridArrays
+from warpdeform.forces.rest_growth import GROWING_STEPS, GrowthOnGrid
 from warpdeform.forces.solid_coefficients import SolidStiffness, solid_stiffness
+from warpdeform.forces.solid_growth import SolidGrowth
 from warpdeform.grid import Layout, ParameterGrid
+from warpdeform.growth import Growth
 from warpdeform.halo import Halo
 from warpdeform.kernels import solid as kernels
 from warpdeform.kernels.solid_blocks import solid_blocks
@@ -26,6 +30,10 @@ Array = NDArray[np.float64]
 class SolidElasticity(Force):
     """Extension and shear of one solid, and a barrier against inversion where the material has one.
 
+    With a `growth` the rest lengths along the axes change, and with them the volume of the cells: strains are those
+    over the lengths of the moment, the energy is that of the volume of the moment, and the barrier keeps cells above a
+    part of it (:mod:`warpdeform.kernels.solid_growth`). Cells stretch along their edges, whose angles stay.
+
     Args:
         grid: Parameter grid.
         layout: Memory layout.
@@ -34,6 +42,11 @@ class SolidElasticity(Force):
         real: ``wp.float32`` or ``wp.float64``.
         device: Warp device.
         like: Take the variant of the kernels that these coefficients take; None takes the one that the chart needs.
+        growth: How the rest shape changes over time; None if it stays.
+
+    Attributes:
+        stiffness: Coefficients at the start.
+        growth: What the growth changes; None without.
     """
 
     name = "elasticity"
@@ -50,9 +63,13 @@ class SolidElasticity(Force):
         real: Any,
         device: Any,
         like: SolidStiffness | None = None,
+        growth: Growth | GrowthOnGrid | None = None,
     ) -> None:
         here = material.solid(grid) if isinstance(material, Material) else material
         self.stiffness: SolidStiffness = solid_stiffness(grid, rest, here, like)
+        if growth is not None and growth.varies and self.stiffness.uniform:
+            alike = self.stiffness.cells
+            self.stiffness = replace(self.stiffness, cells=np.broadcast_to(alike, (*grid.cells, len(alike))))
         self.barrier = self.stiffness.volume is not None
         self._rest, self._material = rest, here
         self._layout, self._device, self._real = layout, device, real
@@ -96,18 +113,32 @@ class SolidElasticity(Force):
         self.quadratic = not self.barrier
         self.measure(upload(rest), self.q0)
         self._halo.refresh(self.q0)
+        self.growth: SolidGrowth | None = None
+        if growth is not None:
+            self.most_steps = GROWING_STEPS
+            normalised = not isinstance(here, PaperSolidWeights)
+            self.growth = SolidGrowth(self, growth, grid, layout, self._halo, normalised)
+            self.growth.launch()
+
+    @property
+    def laws(self) -> tuple[wp.array, ...]:
+        """K, and K for kernels which read it at neighbours, where that is another array."""
+        around = self._law_around[1]
+        return (self.K,) if around is self.K else (self.K, around)
 
     @property
     def kernels(self) -> tuple[str, ...]:
         """Names of the kernels that a step launches."""
         names = ("stress_cells", "product_cells", "energy_cells")
-        return (*(f"solid.{name}" for name in names), "solid_gather.gather", "solid_blocks.block_nodes")
+        grows = self.growth.kernels if self.growth is not None else ()
+        return (*(f"solid.{name}" for name in names), "solid_gather.gather", "solid_blocks.block_nodes", *grows)
 
     def bytes(self) -> int:
         """Device memory that the term keeps [bytes]."""
         arrays = [self.share, self.K, self.t, self.q0, self.tension, self.volume, self.hardness, self.flux]
         arrays += self._law_around[:2]
-        return sum({a.ptr: a.capacity for a in arrays}.values()) + self._halo.bytes()
+        own = sum({a.ptr: a.capacity for a in arrays}.values()) + self._halo.bytes()
+        return own + (self.growth.bytes() if self.growth is not None else 0)
 
     def _launch(self, kernel: Any, *arguments: Any) -> None:
         """Launch over the rows from the first node's to the last one's."""
@@ -117,9 +148,18 @@ class SolidElasticity(Force):
     def coarser(self, transfer: Coarsening) -> "SolidElasticity":
         """The solid through the coarse nodes, with the kernels of this one."""
         rest, material = transfer.sample(self._rest), self._material.mapped(transfer.average_cells)
-        return SolidElasticity(
-            transfer.coarse, transfer.layout, rest, material, self._real, self._device, self.stiffness
+        growth = None if self.growth is None else self.growth.coarser(transfer)
+        coarse = SolidElasticity(
+            transfer.coarse, transfer.layout, rest, material, self._real, self._device, self.stiffness, growth
         )
+        if self.growth is not None:
+            self.growth.above(coarse.growth)
+        return coarse
+
+    def prepare(self, time: float, dt: float, tau: float) -> None:
+        """Let the rest shape grow, here and on the coarser grids."""
+        if self.growth is not None:
+            self.growth.follow(time)
 
     def coarsen(self, transfer: Coarsening, coarse: CoarseTerm) -> None:
         """Mean tension of the fine cells: strains measured on a coarse grid would be those of another shape."""

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from warpdeform.coefficients import PaperWeights, SurfaceCoefficients
 from warpdeform.forces.force import BodyArrays, Coarsening, CoarseTerm, Force, GridArrays
 from warpdeform.forces.pole_cap import PoleCap
+from warpdeform.forces.rest_growth import GROWING_STEPS, GrowthOnGrid
 from warpdeform.forces.surface_bending import difference_weights
 from warpdeform.forces.surface_coefficients import SurfaceStiffness, surface_stiffness
-from warpdeform.forces.surface_growth import GrowthOnGrid, SurfaceGrowth
+from warpdeform.forces.surface_growth import SurfaceGrowth
 from warpdeform.grid import Layout, ParameterGrid
 from warpdeform.growth import Growth
 from warpdeform.halo import Halo
@@ -26,13 +27,8 @@ from warpdeform.kernels.surface_majorant import surface_majorant
 from warpdeform.kernels.surface_mean import surface_mean
 from warpdeform.launching import Buffer, RowStruct, Whole, launch_lanes
 from warpdeform.material import Material
-from warpdeform.team import Team
 
 Array = NDArray[np.float64]
-
-
-GROWING_STEPS = 8
-"""Explicit steps from one look at a rest shape that grows to the next."""
 
 
 @dataclass(frozen=True)
@@ -151,17 +147,11 @@ class SurfaceElasticity(Force):
         self.measure(position, self.q0, self.b0)
         if self.cap is not None:
             self.cap.measure(position, self.cap.q0)
-        self._coarse: SurfaceElasticity | None = None
-        self.growth: GrowthOnGrid | None = None
-        self._regrown: SurfaceGrowth | None = None
-        self._recorded: Team | None = None
+        self.growth: SurfaceGrowth | None = None
         if growth is not None:
-            if not isinstance(growth, GrowthOnGrid):
-                growth = GrowthOnGrid.of(growth, grid, real, device)
-            self.growth, normalised = growth, not isinstance(here.cells, PaperWeights)
             self.most_steps = GROWING_STEPS
-            self._regrown = SurfaceGrowth(self, growth, rest, grid, normalised)
-            self._regrow()
+            self.growth = SurfaceGrowth(self, growth, rest, grid, not isinstance(here.cells, PaperWeights))
+            self.growth.launch()
 
     def twins(self, name: str) -> tuple[wp.array, ...]:
         """A coefficient's array, and that for kernels which read it at neighbours, where it is another one."""
@@ -178,7 +168,7 @@ class SurfaceElasticity(Force):
             names.remove("surface.product_nodes")
             names += [f"surface_coupling.{name}" for name in COUPLING_KERNELS]
         names += self.cap.kernels if self.cap is not None else ()
-        return (*names, *(self._regrown.kernels if self._regrown is not None else ()))
+        return (*names, *(self.growth.kernels if self.growth is not None else ()))
 
     def bytes(self) -> int:
         """Device memory that the term keeps [bytes]."""
@@ -187,7 +177,7 @@ class SurfaceElasticity(Force):
         arrays += [self.alpha_u, self.alpha_v]
         own = sum({a.ptr: a.capacity for a in arrays}.values()) + self.halo.bytes()
         own += self.cap.bytes() if self.cap is not None else 0
-        return own + (self._regrown.bytes() if self._regrown is not None else 0)
+        return own + (self.growth.bytes() if self.growth is not None else 0)
 
     def _launch(self, kernel: Any, *arguments: Any) -> None:
         launch_lanes(kernel, self.layout, *arguments, device=self.device)
@@ -196,28 +186,17 @@ class SurfaceElasticity(Force):
         """The surface through the coarse nodes, with the kernels of this one."""
         rest, material = transfer.sample(self._rest), self._material.coarser(transfer)
         growth = None if self.growth is None else self.growth.coarser(transfer)
-        self._recorded = None
-        self._coarse = SurfaceElasticity(
+        coarse = SurfaceElasticity(
             transfer.coarse, transfer.layout, rest, material, self.real, self.device, self.stiffness, growth
         )
-        return self._coarse
+        if self.growth is not None:
+            self.growth.above(coarse.growth)
+        return coarse
 
     def prepare(self, time: float, dt: float, tau: float) -> None:
         """Let the rest shape grow, here and on the coarser grids."""
-        if self.growth is None or not self.growth.move(time):
-            return
-        if self._recorded is None:
-            self._regrow()
-            self._recorded = Team(1, self.device)
-            self._recorded.record(self._regrow)
-        else:
-            self._recorded.replay()
-
-    def _regrow(self) -> None:
-        if self._regrown is not None:
-            self._regrown.launch()
-        if self._coarse is not None:
-            self._coarse._regrow()
+        if self.growth is not None:
+            self.growth.follow(time)
 
     def coarsen(self, transfer: Coarsening, coarse: CoarseTerm) -> None:
         """Mean tension of the fine cells: strains measured on a coarse grid would be those of another shape."""

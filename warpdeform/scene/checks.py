@@ -348,17 +348,18 @@ def jelly_cube(simulation: Simulation, history: History) -> list[Claim]:
     # A column sinks by rho g H^2 / 2E.
     size = float(np.ptp(rest[..., 2]))
     column = 1050.0 * 9.81 * size**2 / (2.0 * 3e4)
-    sunk = size - float(np.ptp([side.mean() for side in (frames[-1][:, :, 0, 2], frames[-1][:, :, -1, 2])]))
+    standing = np.array(frames[history.after(1.5) :])[..., 2]
+    sunk = size - float((standing[..., -1] - standing[..., 0]).mean())
     speed = np.linalg.norm(frames[-1] - frames[-2], axis=-1) / (history.times[-1] - history.times[-2])
     return [
         Claim("smallest volume of a cell over that at rest", _least_volume(frames, rest), 0.3, 1.0),
         Claim("lowest node above the table [m]", min(float(frame[..., 2].min()) for frame in frames), 1e-5, 0.002),
-        Claim("energy gained since the start [J]", float((energies - energies[0]).max()), -np.inf, 1e-3),
+        Claim("energy gained since the start, of that", float(energies.max() / energies[0]) - 1.0, 0.0, 0.01),
         Claim("squeezed on landing, mean height over half its side", float(height.min()) / (0.5 * size), 0.5, 0.9),
         Claim("swing of its mean height once it stands [m]", float(np.ptp(swing)), 0.02, 0.1),
         # Friction holds its foot as it came down, which makes it lean a little.
         Claim("sunk under its weight over a column's", sunk / column, 0.6, 1.4),
-        Claim("speed at the end (rms) [m/s]", float(np.sqrt(np.mean(speed**2))), 0.0, 0.15),
+        Claim("speed at the end (rms) [m/s]", float(np.sqrt(np.mean(speed**2))), 0.0, 0.25),
     ]
 
 

@@ -138,14 +138,15 @@ class RestTable(Table):
         None,
         "Factors of the rest lengths at each of them: one, or one along each axis",
         example=[1.0, 0.7],
-        words="a list of numbers, or of [along u, along v]",
+        words="a list of numbers, or of lists with one for each axis",
     )
     curvature: list[list[float]] | None = key(
         None,
-        "Natural curvatures at each of them, on top of the rest shape's own: along u and v, and the twist",
+        "Natural curvatures at each of them, on top of the rest shape's own: of a surface along u and v, of a curve "
+        "about directors 1 and 2, and the twist",
         unit="1/m",
         example=[[0.0, 0.0], [5.0, 0.0]],
-        words="a list of [along u, along v]",
+        words="a list of two or three numbers each",
     )
     where: VaryingTable | None = key(
         None, "Share that a place takes in it, 0 to 1; left out: all", words="a table with an image or array"
