@@ -46,7 +46,7 @@ KICKS: list[Callable[[int, Any], Kick]] = [
 WORDS_ONLY = {
     "angle_system", "angles", "curve_geometry", "distances", "geometry", "lanes", "no_gathering", "solid_geometry",
     "solid_volume", "strand_border", "strand_words", "transfer_tables", "transfers",
-    "potential", "box_words", "box_distances", "closest", "contact_law", "kept_separation",
+    "potentials", "box_words", "box_distances", "closest", "contact_law", "kept_separation",
 }  # fmt: skip
 """Factories of device functions that have no kernel of their own."""
 
