@@ -5,7 +5,7 @@ import pytest
 from physics.statics import percent
 
 from warpdeform.scene import load_scene
-from warpdeform.scene.checks import DENT
+from warpdeform.scene.checks.solids import DENT
 from warpdeform.scene.measure import load_on_sphere
 from warpdeform.scene.play import play
 from warpdeform.simulation import Simulation
