@@ -35,8 +35,8 @@ from warpdeform.skins import NAMED, Skins
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-REACH = 1.5
-"""How far pairs are looked for, over the largest distance asked for."""
+REACH = 1.05
+"""How far pairs are looked for, over the largest distance asked for, and taken into account, over their own."""
 SHARE = 0.45
 """Share of the distance of the nearest thing that a node moves in a sweep at most."""
 ENOUGH = 0.9
@@ -47,6 +47,8 @@ REST_SHARE = 0.9
 """Share of the distance at rest beyond which two things of one body do not feel each other, as in the search."""
 WHOLE_SWEEPS, SWEEPS = 40, 100
 """Most sweeps that move bodies as wholes, and nodes."""
+PATIENCE = 10
+"""Sweeps after which something must have become better."""
 ROUNDS, WHOLE_ROUNDS = 60, 200
 """Most iterations for the displacements of a sweep: of nodes, and, one pair at a time, of wholes."""
 OVERRELAXED = 1.5
@@ -63,19 +65,24 @@ class Relaxed:
         largest: How far a node was moved at most [m].
         moved: Nodes that were moved, by the name of their body.
         sweeps: Sweeps that it took.
+        missing: What skins still lack of what was to be reached at most [m]; 0 where all do.
     """
 
     largest: float = 0.0
     moved: tuple[tuple[str, int], ...] = ()
     sweeps: int = 0
+    missing: float = 0.0
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """As sentences for people; none if nothing moved."""
-        if not self.moved:
-            return ()
-        nodes = ", ".join(f"{count} nodes of {name}" for name, count in self.moved)
-        return (f"the start is relaxed: {nodes} moved, by {self.largest:.3g} m at most.",)
+        """As sentences for people; none if there was nothing to do."""
+        notes = []
+        if self.moved:
+            nodes = ", ".join(f"{count} nodes of {name}" for name, count in self.moved)
+            notes.append(f"the start is relaxed: {nodes} moved, by {self.largest:.3g} m at most.")
+        if self.missing > 0.0:
+            notes.append(f"no skins overlap, but some stay up to {self.missing:.3g} m nearer than their gap.")
+        return tuple(notes)
 
 
 def relax_start(
@@ -103,7 +110,7 @@ def relax_start(
     start = _Start(taking, pairs, _held_nodes(bodies, attachments))
     before = start.points.copy()
     start.skins.refuse_crossing(before)
-    sweeps = start.relax()
+    sweeps, missing = start.relax()
     distances = np.linalg.norm(start.points - before, axis=1)
     counts = np.bincount(start.skins.owner[distances > 0.0], minlength=len(taking))
     moved = {body.name: k for k, body in enumerate(taking) if counts[k]}
@@ -111,7 +118,8 @@ def relax_start(
         replace(body, initial_positions=start.positions(moved[body.name])) if body.name in moved else body
         for body in bodies
     )
-    return done, Relaxed(float(distances.max()), tuple((name, int(counts[k])) for name, k in moved.items()), sweeps)
+    numbers = tuple((name, int(counts[k])) for name, k in moved.items())
+    return done, Relaxed(float(distances.max()), numbers, sweeps, missing)
 
 
 def _held_nodes(bodies: Sequence[Body], attachments: Sequence[Attachment]) -> dict[str, NDArray[np.bool_]]:
@@ -202,11 +210,11 @@ class _Start:
         """Positions of a body, shape (*nodes, 3)."""
         return self.points[self.skins.owner == body].reshape(*self.skins.bodies[body].nodes, 3)
 
-    def relax(self) -> int:
+    def relax(self) -> tuple[int, float]:
         """Move nodes until everything is far enough apart.
 
         Returns:
-            Sweeps that it took.
+            Sweeps that it took, and what is still missing at most [m].
 
         Raises:
             InputError: What overlaps that is not to be moved, or cannot be moved apart.
@@ -218,11 +226,13 @@ class _Start:
             raise InputError(Mistake("contact", None, f"{self._places(near, overlap)} at the start", remedy))
         sweeps = 0
         for most, find in ((WHOLE_SWEEPS, self._move_wholes), (SWEEPS, self._move_nodes)):
-            for _ in range(most):
+            worst: list[tuple[float, float]] = []
+            while len(worst) < most:
                 if (near.distance >= near.enough).all():
-                    return sweeps
+                    return sweeps, 0.0
+                worst.append((float((near.enough - near.distance).max()), float(near.distance.min())))
                 displacements = find(near)
-                if displacements is None:
+                if displacements is None or _stalls(worst):
                     break
                 self.points += displacements
                 near, sweeps = self._near(), sweeps + 1
@@ -231,7 +241,7 @@ class _Start:
             problem = f"{self._places(near, overlap)} at the start, also after {sweeps} sweeps of moving them apart"
             remedy = "Move them apart, make them thinner, or let go of nodes that are held there."
             raise InputError(Mistake("contact.relax", True, problem, remedy))
-        return sweeps
+        return sweeps, float((near.aim - near.distance).max())
 
     def _places(self, near: _Near, overlap: Ints) -> str:
         """Which pairs overlap, the deepest first."""
@@ -276,6 +286,7 @@ class _Start:
     def _move_nodes(self, near: _Near) -> Array:
         """A displacement of each node."""
         room = self._room(near)
+        near = near.where(near.distance < REACH * near.aim)
         near = near.where(_distinct(near))
         nodes, local = np.unique(near.vertices, return_inverse=True)
         v, w, n = local.reshape(-1, 4), near.weights, near.normal
@@ -359,6 +370,15 @@ class _Start:
             whole, flag = np.zeros((0, 4), np.int64), np.zeros(0, bool)
             return _Near(whole, np.zeros((0, 4)), np.zeros((0, 3)), none, whole[:, :2], flag, none, none, none, flag)
         return _Near(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])})
+
+
+def _stalls(worst: Sequence[tuple[float, float]]) -> bool:
+    """Whether sweeps get nowhere, by what each found: what is missing at most, and the least distance."""
+    if len(worst) <= PATIENCE:
+        return False
+    (missing, least), (missing_then, least_then) = worst[-1], worst[-1 - PATIENCE]
+    # Things that almost touch have to move in small steps at first.
+    return missing > 0.99 * missing_then and least < 2.0 * least_then
 
 
 def _distinct(near: _Near) -> Ints:
