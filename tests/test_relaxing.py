@@ -213,3 +213,46 @@ def test_pairs_that_do_not_ask_are_kept_from_overlapping() -> None:
     heights = [body.placed_positions()[..., 2].mean() for body in done]
     assert heights[1] - heights[0] == pytest.approx(0.006, abs=(1.0 - ENOUGH) * GAP)
     assert heights[2] - heights[1] > 0.004
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_wavy_layers_and_rods_that_almost_touch_do_not_cross_on_the_way(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    shape, height = wd.sheet((9, 9), (0.2, 0.2)), 0.0
+    bodies = []
+    for k in range(4):
+        positions, before = shape.positions.copy(), height
+        waves, phase = rng.normal(size=2) * 20.0, rng.uniform(0.0, 6.0)
+        positions[..., 2] += 0.004 * np.sin(positions[..., :2] @ waves + phase)
+        # As low as the layer below allows, node by node, and a little more.
+        if bodies:
+            below = bodies[-1].placed_positions()[..., 2]
+            height = float((below - positions[..., 2]).max()) + 1e-6
+        positions[..., 2] += height
+        assert height >= before
+        pins = (wd.Pin("corner:0,0"),) if k % 2 else ()
+        bodies.append(wd.Body(f"s{k}", shape, CLOTH, initial_positions=positions, contact_thickness=0.004, pins=pins))
+    top = float(bodies[-1].placed_positions()[..., 2].max())
+    for k in range(2):
+        section = wd.Section.circular(0.002)
+        place = (0.01, 0.05 + 0.07 * k, top + 1e-5 * (k + 1))
+        bodies.append(wd.Body(f"r{k}", wd.line((20,), 0.17), RUBBER, section=section, position=place))
+    names = [body.name for body in bodies]
+    pairs = [(a, b) for i, a in enumerate(names) for b in names[i:]]
+    done, relaxed = relax_start(bodies, asking(pairs))
+    assert relaxed is not None
+    points, simplices, _ = placed(done)
+    assert len(crossing_pairs(points, simplices)) == 0
+    assert closest(points, simplices, 0.02).distance > 0.004
+    assert 0.002 < relaxed.largest < 0.04
+    means = [body.placed_positions()[..., 2].mean() for body in done[:5]]
+    assert means == sorted(means)
+
+
+def test_nothing_is_moved_through_what_is_in_its_way() -> None:
+    table = felt("table", 0.0, pins=ALL, contact_thickness=0.008)
+    silk, lid = (felt("silk", 0.001, contact_thickness=0.0), felt("lid", 0.003, pins=ALL, contact_thickness=0.0))
+    contacts = [wd.Contact(("table", "silk"), relax=True), wd.Contact(("silk", "lid"))]
+    # The way out leads through the lid.
+    with pytest.raises(InputError, match=r"table .* overlap at the start, also after"):
+        relax_start([table, silk, lid], contacts)
