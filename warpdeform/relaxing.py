@@ -5,7 +5,7 @@ their weights and n the way from one closest point to the other, its distance is
 that feel each other is to be nearer than where its skins are a gap apart, nor, within a body, nearer than 0.9 of its
 distance at rest (below that pairs feel each other). A sweep
 
-1. finds all pairs within `REACH` of the largest distance asked for;
+1. finds all pairs that are nearer than `REACH` times what is asked for;
 2. finds displacements u with n . sum b_i u_i >= (what is missing) for all of them, by projected Jacobi iterations that
    give node i  l b_i n / m_i : the smallest such displacements, measured by mass, as far as the iterations come;
 3. cuts each node's displacement to `SHARE`, less than half, of the distance of the nearest thing that it, or a simplex
@@ -36,7 +36,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 REACH = 1.05
-"""How far pairs are looked for, over the largest distance asked for, and taken into account, over their own."""
+"""Distance up to which pairs are looked at, over the distance that they should have."""
 SHARE = 0.45
 """Share of the distance of the nearest thing that a node moves in a sweep at most."""
 ENOUGH = 0.9
@@ -205,6 +205,8 @@ class _Start:
                 self._aim[i, j], self._enough[i, j] = offset + aim * gap, offset + enough * gap
                 self._touch[i, j], self._asked[i, j] = offset, pair.relax
         self._reach = REACH * float(self._aim.max())
+        # How far each node may move [m], whatever the others do; and what other bodies leave it.
+        self._room, self._room_as_wholes = np.zeros(0), np.zeros(0)
 
     def positions(self, body: int) -> Array:
         """Positions of a body, shape (*nodes, 3)."""
@@ -278,15 +280,13 @@ class _Start:
             return None
         # One factor for all, so that who moves by how much stays a matter of their masses.
         room = np.full(len(inverse), np.inf)
-        np.minimum.at(room, self.skins.owner, self._room(near))
+        np.minimum.at(room, self.skins.owner, self._room_as_wholes)
         length = np.linalg.norm(moves, axis=1)
         moves *= min(1.0, float(np.min(room / np.maximum(length, 1e-300))))
         return np.asarray(moves[self.skins.owner])
 
     def _move_nodes(self, near: _Near) -> Array:
         """A displacement of each node."""
-        room = self._room(near)
-        near = near.where(near.distance < REACH * near.aim)
         near = near.where(_distinct(near))
         nodes, local = np.unique(near.vertices, return_inverse=True)
         v, w, n = local.reshape(-1, 4), near.weights, near.normal
@@ -310,28 +310,22 @@ class _Start:
             for axis in range(3):
                 moves[:, axis] += np.bincount(v.reshape(-1), given[..., axis].reshape(-1), len(nodes))
         length = np.linalg.norm(moves, axis=1)
-        moves *= np.minimum(1.0, room[nodes] / np.maximum(length, 1e-300))[:, None]
+        moves *= np.minimum(1.0, self._room[nodes] / np.maximum(length, 1e-300))[:, None]
         found = np.zeros_like(self.points)
         found[nodes] = moves
         return found
 
-    def _room(self, near: _Near) -> Array:
-        """How far each node may move [m], whatever the others do."""
-        room = np.full(len(self.points), self._reach)
-        corners = near.vertices.reshape(-1)
-        np.minimum.at(room, corners, np.repeat(near.distance, 4))
-        return SHARE * room
-
     # Pairs ------------------------------------------------------------------------------------------------------------
 
     def _near(self) -> _Near:
-        """All pairs within reach, of bodies that feel each other."""
+        """All pairs of bodies that feel each other, as near as asked for or nearer; notes the room of nodes."""
         simplices, p, rest = self.skins.simplices, self.points, self._rest
         used, edges, triangles = np.unique(simplices.edges)[:, None], simplices.edges, simplices.triangles
         searches: tuple[tuple[Ints, Ints, Callable[..., tuple[Array, Array]], Callable[..., Array]], ...] = (
             (used, triangles, _points_over, point_distances),
             (edges, edges, _edges_between, segment_distances),
         )
+        self._room, self._room_as_wholes = (np.full(len(p), SHARE * self._reach) for _ in range(2))
         parts = []
         for own, others, measure, rest_distances in searches:
             between_edges = own is others
@@ -343,9 +337,16 @@ class _Start:
                 first, second = own[i[felt]], others[j[felt]]
                 r, weights = measure(p[first], p[second])
                 distance = np.linalg.norm(r, axis=1)
-                close = (distance < self._reach) & (weights[:, 0] > -1.0)
-                first, second, distance = first[close], second[close], distance[close]
+                counted = weights[:, 0] >= 0.0
+                if not counted.all():
+                    distance[~counted] = point_distances(p[first[~counted]], p[second[~counted]])
+                vertices = np.concatenate([first, second], axis=1)
                 owners = np.stack([self.skins.owner[first[:, 0]], self.skins.owner[second[:, 0]]], axis=1)
+                a, b = owners.T
+                self._leave_room(vertices, distance, a != b)
+                close = counted & (distance < REACH * self._aim[a, b])
+                first, second, vertices, distance = first[close], second[close], vertices[close], distance[close]
+                owners = owners[close]
                 a, b = owners.T
                 # Below the share of the rest distance pairs of one body feel each other, above they do not.
                 limit = np.where(a == b, REST_SHARE * rest_distances(rest[first], rest[second]), np.inf)
@@ -355,7 +356,7 @@ class _Start:
                 }
                 parts.append(
                     _Near(
-                        vertices=np.concatenate([first, second], axis=1),
+                        vertices=vertices,
                         weights=weights[close],
                         normal=r[close] / np.maximum(distance, 1e-300)[:, None],
                         distance=distance,
@@ -369,7 +370,14 @@ class _Start:
             none = np.zeros(0)
             whole, flag = np.zeros((0, 4), np.int64), np.zeros(0, bool)
             return _Near(whole, np.zeros((0, 4)), np.zeros((0, 3)), none, whole[:, :2], flag, none, none, none, flag)
-        return _Near(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])})
+        found = _Near(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])})
+        return found.where(found.distance < REACH * found.aim)
+
+    def _leave_room(self, vertices: Ints, distance: Array, between: NDArray[np.bool_]) -> None:
+        """Let the nodes of pairs, shape (k, 4), move no farther than a share of their distance."""
+        np.minimum.at(self._room, vertices.reshape(-1), SHARE * np.repeat(distance, 4))
+        vertices, distance = vertices[between], distance[between]
+        np.minimum.at(self._room_as_wholes, vertices.reshape(-1), SHARE * np.repeat(distance, 4))
 
 
 def _stalls(worst: Sequence[tuple[float, float]]) -> bool:
