@@ -29,6 +29,7 @@ from warpdeform.contact import Contact, contact_pairs, spacing_of
 from warpdeform.crossings import overlapping, point_distances, segment_distances
 from warpdeform.errors import InputError, Mistake
 from warpdeform.measure import node_measures
+from warpdeform.near import Near, boxes, distinct, edges_between, points_over
 from warpdeform.selectors import select_nodes
 from warpdeform.skins import NAMED, Skins
 
@@ -136,43 +137,6 @@ def _held_nodes(bodies: Sequence[Body], attachments: Sequence[Attachment]) -> di
     return held
 
 
-@dataclass(frozen=True)
-class _Near:
-    """Pairs that are near each other.
-
-    Attributes:
-        vertices: Their nodes, shape (k, 4).
-        weights: b, positive of the first side, shape (k, 4).
-        normal: n, from the second side to the first, shape (k, 3).
-        distance: d [m].
-        owners: Body of each side, shape (k, 2).
-        edges: Whether both sides are edges.
-        aim, enough, touch: Distances that a sweep aims at, that will do, and below which skins overlap [m].
-        asked: Whether the pair asks to be relaxed.
-    """
-
-    vertices: Ints
-    weights: Array
-    normal: Array
-    distance: Array
-    owners: Ints
-    edges: NDArray[np.bool_]
-    aim: Array
-    enough: Array
-    touch: Array
-    asked: NDArray[np.bool_]
-
-    def where(self, chosen: NDArray[np.bool_] | Ints) -> "_Near":
-        """Some of them."""
-        return _Near(**{name: values[chosen] for name, values in vars(self).items()})
-
-    def sides(self, k: int) -> tuple[list[int], list[int]]:
-        """Nodes of both sides of a pair."""
-        split = 2 if self.edges[k] else 1
-        nodes = self.vertices[k].tolist()
-        return nodes[:split], nodes[split:]
-
-
 class _Start:
     """Positions of all bodies that feel something, and what is asked of them.
 
@@ -245,10 +209,10 @@ class _Start:
             raise InputError(Mistake("contact.relax", True, problem, remedy))
         return sweeps, float((near.aim - near.distance).max())
 
-    def _places(self, near: _Near, overlap: Ints) -> str:
+    def _places(self, near: Near, overlap: Ints) -> str:
         """Which pairs overlap, the deepest first."""
         near = near.where(overlap)
-        near = near.where(_distinct(near))
+        near = near.where(distinct(near))
         order = np.argsort(near.distance - near.touch, kind="stable")
         named = []
         for k in order[:NAMED]:
@@ -259,7 +223,7 @@ class _Start:
 
     # Displacements ----------------------------------------------------------------------------------------------------
 
-    def _move_wholes(self, near: _Near) -> Array | None:
+    def _move_wholes(self, near: Near) -> Array | None:
         """A translation of each body that is not held anywhere; None if that does not help enough."""
         inverse, (a, b) = self._inverse_wholes, near.owners.T
         near = near.where((a != b) & (inverse[a] + inverse[b] > 0.0))
@@ -285,9 +249,9 @@ class _Start:
         moves *= min(1.0, float(np.min(room / np.maximum(length, 1e-300))))
         return np.asarray(moves[self.skins.owner])
 
-    def _move_nodes(self, near: _Near) -> Array:
+    def _move_nodes(self, near: Near) -> Array:
         """A displacement of each node."""
-        near = near.where(_distinct(near))
+        near = near.where(distinct(near))
         nodes, local = np.unique(near.vertices, return_inverse=True)
         v, w, n = local.reshape(-1, 4), near.weights, near.normal
         pull = self._inverse[near.vertices] * w
@@ -317,19 +281,19 @@ class _Start:
 
     # Pairs ------------------------------------------------------------------------------------------------------------
 
-    def _near(self) -> _Near:
+    def _near(self) -> Near:
         """All pairs of bodies that feel each other, as near as asked for or nearer; notes the room of nodes."""
         simplices, p, rest = self.skins.simplices, self.points, self._rest
         used, edges, triangles = np.unique(simplices.edges)[:, None], simplices.edges, simplices.triangles
         searches: tuple[tuple[Ints, Ints, Callable[..., tuple[Array, Array]], Callable[..., Array]], ...] = (
-            (used, triangles, _points_over, point_distances),
-            (edges, edges, _edges_between, segment_distances),
+            (used, triangles, points_over, point_distances),
+            (edges, edges, edges_between, segment_distances),
         )
         self._room, self._room_as_wholes = (np.full(len(p), SHARE * self._reach) for _ in range(2))
         parts = []
         for own, others, measure, rest_distances in searches:
             between_edges = own is others
-            for i, j in overlapping(_boxes(p, own), _boxes(p, others), self._reach):
+            for i, j in overlapping(boxes(p, own), boxes(p, others), self._reach):
                 if between_edges:
                     i, j = i[i < j], j[i < j]
                 felt = self.skins.feels[self.skins.owner[own[i, 0]], self.skins.owner[others[j, 0]]]
@@ -355,7 +319,7 @@ class _Start:
                     for name, share in (("aim", 1.01), ("enough", 1.001), ("touch", 1.0))
                 }
                 parts.append(
-                    _Near(
+                    Near(
                         vertices=vertices,
                         weights=weights[close],
                         normal=r[close] / np.maximum(distance, 1e-300)[:, None],
@@ -366,11 +330,7 @@ class _Start:
                         **asked,
                     )
                 )
-        if not parts:
-            none = np.zeros(0)
-            whole, flag = np.zeros((0, 4), np.int64), np.zeros(0, bool)
-            return _Near(whole, np.zeros((0, 4)), np.zeros((0, 3)), none, whole[:, :2], flag, none, none, none, flag)
-        found = _Near(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in vars(parts[0])})
+        found = Near.joined(parts)
         return found.where(found.distance < REACH * found.aim)
 
     def _leave_room(self, vertices: Ints, distance: Array, between: NDArray[np.bool_]) -> None:
@@ -387,58 +347,3 @@ def _stalls(worst: Sequence[tuple[float, float]]) -> bool:
     (missing, least), (missing_then, least_then) = worst[-1], worst[-1 - PATIENCE]
     # Things that almost touch have to move in small steps at first.
     return missing > 0.99 * missing_then and least < 2.0 * least_then
-
-
-def _distinct(near: _Near) -> Ints:
-    """Numbers of the pairs whose closest points no earlier pair has: edges that end at a node share that node."""
-    keys = np.where(near.weights != 0.0, near.vertices, -1)
-    # Nodes that take part, those of each side by itself in ascending order; of both sides the smaller first.
-    split = np.where(near.edges, 2, 1)[:, None] > np.arange(4)
-    sides = [np.sort(np.where(side, keys, -1), axis=1)[:, ::-1] for side in (split, ~split)]
-    swapped = (sides[0][:, 0] > sides[1][:, 0])[:, None]
-    first, second = np.where(swapped, sides[1], sides[0]), np.where(swapped, sides[0], sides[1])
-    return np.unique(np.concatenate([first[:, :3], second[:, :3]], axis=1), axis=0, return_index=True)[1]
-
-
-def _points_over(points: Array, triangles: Array) -> tuple[Array, Array]:
-    """Ways from triangles, shape (k, 3, 3), to points over their inside, shape (k, 1, 3), and the weights of all four.
-
-    The first weight is -1 for points that are not over the inside: the edges around have them.
-    """
-    corner = triangles[:, 0]
-    first, second, q = triangles[:, 1] - corner, triangles[:, 2] - corner, points[:, 0] - corner
-    normal = np.cross(first, second)
-    area = np.einsum("kx,kx->k", normal, normal)
-    safe = np.where(area > 0.0, area, 1.0)
-    u = np.einsum("kx,kx->k", np.cross(q, second), normal) / safe
-    v = np.einsum("kx,kx->k", np.cross(first, q), normal) / safe
-    inside = (area > 0.0) & (u > 0.0) & (v > 0.0) & (u + v < 1.0)
-    r = (np.einsum("kx,kx->k", q, normal) / safe)[:, None] * normal
-    return r, np.stack([np.where(inside, 1.0, -1.0), u + v - 1.0, -u, -v], axis=1)
-
-
-def _edges_between(first: Array, second: Array) -> tuple[Array, Array]:
-    """Ways between the closest points of segments, both of shape (k, 2, 3), second to first, and the weights."""
-    d, e, r = first[:, 1] - first[:, 0], second[:, 1] - second[:, 0], first[:, 0] - second[:, 0]
-    dd, ee, de, dr, er = (np.einsum("kx,kx->k", x, y) for x, y in ((d, d), (e, e), (d, e), (d, r), (e, r)))
-    determinant = dd * ee - de * de
-    safe = np.where(determinant > 0.0, determinant, 1.0)
-    none, whole = np.zeros_like(dd), np.ones_like(dd)
-    # Both inside, then each end against the other segment; the nearest of them is the closest.
-    shares = [
-        ((de * er - ee * dr) / safe, (dd * er - de * dr) / safe),
-        (none, er / ee),
-        (whole, (er + de) / ee),
-        (-dr / dd, none),
-        ((de - dr) / dd, whole),
-    ]
-    s, t = (np.clip([pair[side] for pair in shares], 0.0, 1.0) for side in (0, 1))
-    ways = r + s[..., None] * d - t[..., None] * e
-    best = np.argmin(np.linalg.norm(ways, axis=2), axis=0), np.arange(len(d))
-    s, t = s[best], t[best]
-    return ways[best], np.stack([1.0 - s, s, t - 1.0, -t], axis=1)
-
-
-def _boxes(points: Array, simplices: Ints) -> tuple[Array, Array]:
-    corners = points[simplices]
-    return corners.min(axis=1), corners.max(axis=1)
