@@ -64,7 +64,7 @@ class Near:
 def distinct(near: Near) -> Ints:
     """Numbers of the pairs whose closest points no earlier pair has: edges that end at a node share that node."""
     keys = np.where(near.weights != 0.0, near.vertices, -1)
-    # Nodes that take part, those of each side by itself in ascending order; of both sides the smaller first.
+    # Nodes that take part, the largest of each side first, and of both sides the one with the smaller of these.
     split = np.where(near.edges, 2, 1)[:, None] > np.arange(4)
     sides = [np.sort(np.where(side, keys, -1), axis=1)[:, ::-1] for side in (split, ~split)]
     swapped = (sides[0][:, 0] > sides[1][:, 0])[:, None]
