@@ -94,6 +94,44 @@ def test_help_names_every_integrator() -> None:
         assert re.search(rf"[ ,]{name}[,.]", text), name
 
 
+OVERLAPPING = """
+[scene]
+name = "overlapping"
+[[body]]
+name = "table"
+nodes = [5, 5]
+shape = { kind = "sheet", size = [0.3, 0.3] }
+material = "cotton"
+pins = [{ nodes = "all" }]
+contact_thickness = 0.004
+[[body]]
+name = "cloth"
+nodes = [5, 5]
+shape = { kind = "sheet", size = [0.3, 0.3] }
+position = [0.01, 0.02, 0.002]
+material = "cotton"
+contact_thickness = 0.004
+[[contact]]
+bodies = ["table", "cloth"]
+"""
+
+
+def test_starts_that_overlap_are_relaxed_on_request(tmp_path: Path) -> None:
+    scene = tmp_path / "overlapping.toml"
+    scene.write_text(OVERLAPPING)
+    arguments = ("run", scene, "--device", "cpu", "--frames", 3, "--out", tmp_path / "out.usdc")
+    refused = call(*arguments)
+    assert refused.exit_code != 0
+    assert "overlap at the start" in refused.stderr
+    scene.write_text(OVERLAPPING + "relax = true\n")
+    done = call(*arguments)
+    assert done.exit_code == 0
+    assert "the start is relaxed: 25 nodes of cloth moved, by 0.004 m at most" in " ".join(done.stderr.split())
+    record = json.loads(call(*arguments, "--json").stdout)
+    assert record["contact"]["relaxed"] == pytest.approx(0.004, rel=0.06)
+    assert record["contact"]["crossings"] == [0, 0]
+
+
 def test_a_method_says_what_it_does_otherwise_unless_it_is_to_be_quiet(tmp_path: Path) -> None:
     arguments = ("run", "hanging", *COARSE, "--integrator", "verlet", "--frames", 3, "--out", tmp_path / "out.usdc")
     done = call(*arguments)

@@ -19,6 +19,11 @@ def cell_measures(grid: ParameterGrid, positions: Array) -> Array:
     return np.abs(np.sum(edges[0] * across, axis=-1))
 
 
+def edge_lengths(grid: ParameterGrid, positions: Array) -> list[Array]:
+    """Lengths of the edges along each connected axis [m]."""
+    return [np.linalg.norm(grid.differences(positions, axis), axis=-1) for axis in range(grid.dimension)]
+
+
 def mean_edges(grid: ParameterGrid, positions: Array) -> list[Array]:
     """Mean of a cell's edges along each connected axis [m], shape (*cells, 3) each."""
     found = []

@@ -9,8 +9,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warpdeform.body import Body, rotate
-from warpdeform.grid import Layout, ParameterGrid
-from warpdeform.measure import node_measures
+from warpdeform.grid import Layout
+from warpdeform.measure import edge_lengths, node_measures
 from warpdeform.selectors import select_nodes
 
 Array = NDArray[np.float64]
@@ -57,7 +57,7 @@ class Model:
         self.initial_positions = body.placed_positions()
         rest = body.shape.positions
         self.node_mass = node_measures(grid, rest, body.density)
-        self._rest_lengths = _edge_lengths(grid, rest)
+        self._rest_lengths = edge_lengths(grid, rest)
         self.spacing = float(min(length.min() for length in self._rest_lengths))
         lengths = [float(length.mean()) for length in self._rest_lengths]
         self.lengths = (*lengths, *[math.inf] * (len(grid.nodes) - grid.dimension))
@@ -132,12 +132,7 @@ class Model:
             positions: Component array (3, rows, columns) [m].
             scales: Factors by which the edges along each axis have grown at rest; None if they have not.
         """
-        lengths, rest_lengths = _edge_lengths(self.grid, self.download(positions)), self._rest_lengths
+        lengths, rest_lengths = edge_lengths(self.grid, self.download(positions)), self._rest_lengths
         if scales is not None:
             rest_lengths = [length * scale for length, scale in zip(rest_lengths, scales, strict=True)]
         return float(max(np.max(now / rest) for now, rest in zip(lengths, rest_lengths, strict=True)))
-
-
-def _edge_lengths(grid: ParameterGrid, positions: Array) -> list[Array]:
-    """Lengths of the edges along each connected axis [m]."""
-    return [np.linalg.norm(grid.differences(positions, axis), axis=-1) for axis in range(grid.dimension)]

@@ -102,6 +102,7 @@ class ContactRecord:
         shortened: How often the guard made all of an update shorter.
         smallest_distance: Smallest distance of skins that feel each other, of any step [m]; None if nothing was near.
         crossings: Edges through triangles, the most in any frame and at the end; None if nobody counted.
+        relaxed: How far nodes were moved before the start at most, to take overlaps away [m]; None if nobody asked.
     """
 
     pairs: int = 0
@@ -111,6 +112,7 @@ class ContactRecord:
     shortened: int = 0
     smallest_distance: float | None = None
     crossings: list[int] | None = None
+    relaxed: float | None = None
     _steps: int = 0
 
     def as_dict(self) -> dict[str, float | int | list[int] | None]:

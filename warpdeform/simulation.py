@@ -18,7 +18,8 @@ from warpdeform.information import BodyInfo, SimulationInfo, TermInfo
 from warpdeform.integrators import INTEGRATORS, Problem
 from warpdeform.linear import PRECONDITIONERS
 from warpdeform.obstacle import Obstacle
-from warpdeform.result import REMEDIES, Energy, Outcome, RunRecord, StepRecord, joined
+from warpdeform.relaxing import relax_start
+from warpdeform.result import REMEDIES, ContactRecord, Energy, Outcome, RunRecord, StepRecord, joined
 from warpdeform.settings import Settings
 from warpdeform.team import Team, choose_threads
 from warpdeform.touching import add_contacts
@@ -64,6 +65,7 @@ class Simulation:
         self.integrator = INTEGRATORS[self.settings.integrator]()
         self._captured = captured
         self._iteration: wp.array = wp.zeros(1, dtype=wp.int32, device=self.device)
+        bodies, self.relaxed = relax_start(bodies, contacts, attachments)
         self.bodies = tuple(
             BodyHandle(body, self.obstacles, wind, self.settings, self.device, self._iteration, lane_width)
             for body in bodies
@@ -92,6 +94,7 @@ class Simulation:
             device=str(self.device),
             precision=self.settings.precision,
             integrator=self.integrator.name,
+            contact=self._fresh_contact(),
         )
         self._steps = 0
         self._compile()
@@ -159,6 +162,7 @@ class Simulation:
             precision=self._record.precision,
             integrator=self._record.integrator,
             setup_s=self._record.setup_s,
+            contact=self._fresh_contact(),
         )
         self._record, self._steps = fresh, 0
 
@@ -181,15 +185,18 @@ class Simulation:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the method does otherwise than the settings say, as sentences for people."""
-        return self._stepper.notes
+        """What is done otherwise than the user says, by the method or before the start, as sentences for people."""
+        return self._stepper.notes if self.relaxed is None else (*self._stepper.notes, *self.relaxed.notes)
 
     def count_crossings(self) -> int:
         """Edges that go through triangles, of bodies that feel each other: 0, by all that is held true here.
 
         Counted on the host in double precision; takes as long as some steps.
         """
-        return 0 if self._skins is None else self._skins.count()
+        if self._skins is None:
+            return 0
+        points = self._skins.joined([self[body.name].positions() for body in self._skins.bodies])
+        return len(self._skins.crossing(points)[0])
 
     def info(self) -> SimulationInfo:
         """Terms, kernels and bytes of every body."""
@@ -199,6 +206,9 @@ class Simulation:
             bodies.append(BodyInfo(handle.name, handle.body.kind, handle.nodes, tuple(terms), handle.state.bytes()))
         couplings = tuple(TermInfo(each.name, each.kernels, each.bytes()) for each in self.couplings)
         return SimulationInfo(tuple(bodies), couplings, self._stepper.preconditioner_name, self._stepper.bytes())
+
+    def _fresh_contact(self) -> ContactRecord | None:
+        return None if self.relaxed is None else ContactRecord(relaxed=self.relaxed.largest)
 
     def _advance(self, steps: int) -> StepRecord:
         """Take so many steps at once."""

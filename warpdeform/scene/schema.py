@@ -220,6 +220,9 @@ class ContactTable(Table):
     design_speed: float | None = key(
         None, "Fastest normal speed to stop; left out: estimated", unit="m/s", example=5.0, words="a number"
     )
+    relax: bool = key(
+        Contact.relax, "Whether nodes are moved before the start where skins are nearer than the gap", example=True
+    )
 
 
 class AttachmentTable(Table):
