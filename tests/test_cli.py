@@ -205,7 +205,8 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_run(tmp_path: Pa
     (tmp_path / "file").touch()
     done = call("run", "hanging", "--out", tmp_path / "file" / "out.usdc")
     assert done.exit_code == 2
-    assert done.stderr.startswith(f'--out = "{tmp_path / "file" / "out.usdc"}": lies below')
+    assert done.stderr.startswith('--out = "')  # a long value is shortened
+    assert f"lies below {tmp_path / 'file'}, which is a file" in done.stderr
 
 
 def test_a_failed_simulation_ends_with_1_and_keeps_its_frames(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
