@@ -12,8 +12,8 @@ With m > 0 the rectangle nowhere meets itself. On a straight way edges stay in t
 and at its end, so this holds all the way. It is exact for triangles, and says nothing of the rest shape.
 
 Rectangles with m of at least `MARGIN`, whose normals then lie within 45 degrees of one direction, are passed over, from
-the largest to the smallest; neighbouring blocks that no such rectangle holds, by the rectangle of the four around their
-common corner. Points of blocks that are no neighbours are four cells apart, so they feel no force either, if what the
+the largest to the smallest; blocks that no such rectangle holds, but which are near in the grid, by the rectangle
+between them. Points of blocks that are no neighbours are four cells apart, so they feel no force either, if what the
 bound says of four cells is beyond its reach; neighbours that are so smooth feel none in a search
 (:mod:`warpdeform.kernels.contact_search`).
 """
@@ -32,6 +32,8 @@ MARGIN = 0.3
 """Least m of rectangles that are passed over."""
 CELLS_BETWEEN = 4
 """Cells between points of blocks that are no neighbours."""
+BLOCKS_BETWEEN = 3
+"""Rows and columns that blocks are apart at most to be held against each other by the rectangle between them."""
 BOUNDLESS = 1.0e15
 """Components of edges that no box is to be found for [m]."""
 
@@ -42,12 +44,34 @@ def contact_lookout(width: int, real: Any) -> SimpleNamespace:
     words = lanes(width, real)
     load1, load3, pick3, vector, spread = words.load1, words.load3, words.pick3, words.vector, words.spread
     min_lanes, max_lanes, least, most = words.min_lanes, words.max_lanes, words.least, words.most
-    P, shape = lanes(1, real).V, box_words(real)
+    L, V, P, shape = words.L, words.V, lanes(1, real).V, box_words(real)
     Box, union, approach = shape.Box, shape.union, shape.approach
     Scene = contact_search(width, real).Scene
     groups = BLOCK // width
     zero, one, half, tiny, boundless = real(0.0), real(1.0), real(0.5), real(1e-30), real(BOUNDLESS)
     module = kernel_module("contact_lookout", width, real)
+
+    @wp.func
+    def lower(low: V, e: V, f: V, mask: L):
+        """Least components of what was before and of edges that are not masked."""
+        return vector(
+            least(low[0], least(e[0], f[0]) + mask), least(low[1], least(e[1], f[1]) + mask),
+            least(low[2], least(e[2], f[2]) + mask),
+        )  # fmt: skip
+
+    @wp.func
+    def upper(high: V, e: V, f: V, mask: L):
+        return vector(
+            most(high[0], most(e[0], f[0]) - mask), most(high[1], most(e[1], f[1]) - mask),
+            most(high[2], most(e[2], f[2]) - mask),
+        )  # fmt: skip
+
+    @wp.func
+    def box_of(low: V, high: V):
+        return Box(
+            min_lanes(low[0]), min_lanes(low[1]), min_lanes(low[2]),
+            max_lanes(high[0]), max_lanes(high[1]), max_lanes(high[2]),
+        )  # fmt: skip
 
     @wp.kernel(module=module)
     def box_edges(
@@ -58,55 +82,58 @@ def contact_lookout(width: int, real: Any) -> SimpleNamespace:
         directions: wp.array3d(dtype=real),
         flat_points: wp.array3d(dtype=real),
         flat_directions: wp.array3d(dtype=real),
-        boxes_out: wp.array(dtype=Box),
+        all_out: wp.array(dtype=Box),
+        first_out: wp.array(dtype=Box),
     ):
         """Boxes around the edges that begin at the nodes of each block, at the start of the way and at its end.
 
         Args:
             blocks: How many there are.
             ends: Slot at the end of the edge of each slot, those along u, then those along v, shape (2 blocks, 16).
-            masks: 0 for edges, `BOUNDLESS` for slots without one, -`BOUNDLESS` for any length, shape (2, blocks, 16).
+            masks: 0 for edges, `BOUNDLESS` for slots without one, -`BOUNDLESS` for any length, of edges along u, of
+                those along v; then only of those along u in the first column, along v in the first row, shape
+                (4, blocks, 16).
             points: Positions in slots [m].
             directions: Displacements in slots [m].
             flat_points, flat_directions: The same in one row.
-            boxes_out: Boxes along u, then those along v.
+            all_out: Boxes along u, then those along v; of blocks without edges their low ends lie above the high ones.
+            first_out: The same of the first column and row.
         """
         b, axis = wp.tid()
+        row = axis * blocks + b
         low, high = spread(P(boundless, boundless, boundless)), spread(P(-boundless, -boundless, -boundless))
+        first_low, first_high = low, high
         for g in range(groups):
             j = g * width
-            mask = load1(masks, axis, b, j)
-            e = pick3(flat_points, 0, 0, ends, axis * blocks + b, j) - load3(points, 0, b, j)
-            f = e + (pick3(flat_directions, 0, 0, ends, axis * blocks + b, j) - load3(directions, 0, b, j))
-            low = vector(
-                least(low[0], least(e[0], f[0]) + mask), least(low[1], least(e[1], f[1]) + mask),
-                least(low[2], least(e[2], f[2]) + mask),
-            )  # fmt: skip
-            high = vector(
-                most(high[0], most(e[0], f[0]) - mask), most(high[1], most(e[1], f[1]) - mask),
-                most(high[2], most(e[2], f[2]) - mask),
-            )  # fmt: skip
-        boxes_out[axis * blocks + b] = Box(
-            min_lanes(low[0]), min_lanes(low[1]), min_lanes(low[2]),
-            max_lanes(high[0]), max_lanes(high[1]), max_lanes(high[2]),
-        )  # fmt: skip
+            mask, first = load1(masks, axis, b, j), load1(masks, 2 + axis, b, j)
+            e = pick3(flat_points, 0, 0, ends, row, j) - load3(points, 0, b, j)
+            f = e + (pick3(flat_directions, 0, 0, ends, row, j) - load3(directions, 0, b, j))
+            low, high = lower(low, e, f, mask), upper(high, e, f, mask)
+            first_low, first_high = lower(first_low, e, f, first), upper(first_high, e, f, first)
+        all_out[row] = box_of(low, high)
+        first_out[row] = box_of(first_low, first_high)
 
     @wp.kernel(module=module)
     def close_rectangles(
-        blocks: int,
         tables: Tables,
         joined: wp.array2d(dtype=wp.int32),
         boxes: wp.array(dtype=Box),
+        first: wp.array(dtype=Box),
         along_u_out: wp.array(dtype=Box),
         along_v_out: wp.array(dtype=Box),
     ):
-        """Boxes around the edges of each block's rectangle, up to where the next begin, into the leaves of the tree."""
+        """Boxes around the edges of each block's rectangle, up to where the next begin, into the leaves of the tree.
+
+        Args:
+            tables: The tables.
+            joined: Entries of `boxes`, then of `first`, that belong to each block along u, the same along v, shape
+                (4, blocks).
+            boxes, first: Of `box_edges`.
+            along_u_out, along_v_out: Boxes of the tree.
+        """
         b = wp.tid()
-        first, second = joined[0, b], joined[1, b]
-        u = union(union(boxes[b], boxes[first]), boxes[second])
-        v = union(union(boxes[blocks + b], boxes[blocks + first]), boxes[blocks + second])
-        along_u_out[tables.leaf_box[b]] = u
-        along_v_out[tables.leaf_box[b]] = v
+        along_u_out[tables.leaf_box[b]] = union(boxes[joined[0, b]], first[joined[1, b]])
+        along_v_out[tables.leaf_box[b]] = union(boxes[joined[2, b]], first[joined[3, b]])
 
     @wp.func
     def is_smooth(u: Box, v: Box, reach: real):
@@ -120,26 +147,30 @@ def contact_lookout(width: int, real: Any) -> SimpleNamespace:
         return m >= real(MARGIN) and real(CELLS_BETWEEN) * m * wp.min(first, second) >= reach
 
     @wp.func
-    def is_smooth_around(
+    def is_smooth_between(
         tables: Tables,
-        around: wp.array2d(dtype=wp.int32),
+        tiles: wp.array3d(dtype=wp.int32),
         along_u: wp.array(dtype=Box),
         along_v: wp.array(dtype=Box),
         a: int,
         b: int,
+        reach: real,
     ):
-        """Whether blocks are neighbours, in a rectangle of four that nowhere meets itself."""
-        way = tables.place[b] - tables.place[a]
-        smooth = way[0] == 0 and wp.abs(way[1]) <= 1 and wp.abs(way[2]) <= 1
+        """Whether blocks lie near each other in a rectangle of blocks that nowhere meets itself."""
+        p, q = tables.place[a], tables.place[b]
+        rows, columns = wp.abs(p[1] - q[1]), wp.abs(p[2] - q[2])
+        smooth = p[0] == q[0] and rows <= BLOCKS_BETWEEN and columns <= BLOCKS_BETWEEN
         if smooth:
-            beside, below = around[3 * (way[1] + 1) + 1, a], around[3 + way[2] + 1, a]
-            smooth = beside >= 0 and below >= 0
-            if smooth:
-                i, j = tables.leaf_box[a], tables.leaf_box[b]
-                k, n = tables.leaf_box[beside], tables.leaf_box[below]
-                u = union(union(along_u[i], along_u[j]), union(along_u[k], along_u[n]))
-                v = union(union(along_v[i], along_v[j]), union(along_v[k], along_v[n]))
-                smooth = is_smooth(u, v, zero)
+            u, v = Box(along_u[tables.leaf_box[a]]), Box(along_v[tables.leaf_box[a]])
+            for i in range(wp.min(p[1], q[1]), wp.min(p[1], q[1]) + rows + 1):
+                for j in range(wp.min(p[2], q[2]), wp.min(p[2], q[2]) + columns + 1):
+                    other = tiles[p[0], i, j]
+                    smooth = smooth and other >= 0
+                    if smooth:
+                        k = tables.leaf_box[other]
+                        u = union(u, along_u[k])
+                        v = union(v, along_v[k])
+            smooth = smooth and is_smooth(u, v, wp.where(wp.max(rows, columns) > 1, reach, zero))
         return smooth
 
     @wp.kernel(module=module)
@@ -147,7 +178,7 @@ def contact_lookout(width: int, real: Any) -> SimpleNamespace:
         tables: Tables,
         scene: Scene,
         drifts: wp.array(dtype=Box),
-        around: wp.array2d(dtype=wp.int32),
+        tiles: wp.array3d(dtype=wp.int32),
         along_u: wp.array(dtype=Box),
         along_v: wp.array(dtype=Box),
         near_out: wp.array(dtype=wp.int32),
@@ -158,7 +189,7 @@ def contact_lookout(width: int, real: Any) -> SimpleNamespace:
             tables: The tables.
             scene: What the search reads; only boxes and reaches are read.
             drifts: Boxes of the tree around displacements [m].
-            around: Blocks around each, by rows, -1 for none, shape (9, blocks).
+            tiles: Block at each place, -1 for none, shape (patches, rows, columns).
             along_u, along_v: Boxes of the tree around edges, at the start of the way and at its end [m].
             near_out: Set to 1 if so, shape (1,).
         """
@@ -183,7 +214,7 @@ def contact_lookout(width: int, real: Any) -> SimpleNamespace:
             if not passed and body >= 0 and k <= own and own < tables.skip[k]:
                 passed = is_smooth(along_u[k], along_v[k], reach)
             if not passed and tables.leaf[k] >= 0:
-                passed = is_smooth_around(tables, around, along_u, along_v, b, tables.leaf[k])
+                passed = is_smooth_between(tables, tiles, along_u, along_v, b, tables.leaf[k], reach)
                 if not passed:
                     near_out[0] = 1
                     k = size

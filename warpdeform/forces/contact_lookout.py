@@ -1,7 +1,5 @@
 """The lookout of contact: tells, before nodes move, whether anything can come near anything on the way (design 5.2)."""
 
-from typing import Any
-
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
@@ -33,14 +31,16 @@ class Lookout:
         self.near = slots.zeros(1, wp.int32)
         ends, masks = _edges(slots.mesh)
         self._ends, self._masks = slots.upload(ends, wp.int32), slots.upload(masks, slots.real)
-        around = _around(slots.mesh.place)
-        self._around, self._joined = slots.upload(around, wp.int32), slots.upload(_joined(around), wp.int32)
-        self._edge_boxes = slots.zeros(2 * slots.blocks, box_words(slots.real).Box)
+        tiles = _tiles(slots.mesh.place)
+        self._tiles = slots.upload(tiles, wp.int32)
+        without = (masks[:2] > 0.0).all(axis=-1)
+        self._joined = slots.upload(_joined(tiles, slots.mesh.place, without), wp.int32)
+        self._boxes, self._first = (slots.zeros(2 * slots.blocks, box_words(slots.real).Box) for _ in range(2))
         self._along = (slots.tree(), slots.tree())
 
     def bytes(self) -> int:
         """Device memory [bytes]."""
-        tables = (self._ends, self._masks, self._around, self._joined, self._edge_boxes, *self._along)
+        tables = (self._ends, self._masks, self._tiles, self._joined, self._boxes, self._first, *self._along)
         return sum(int(array.capacity) for array in tables)
 
     def begin(self) -> None:
@@ -59,22 +59,25 @@ class Lookout:
         do_alone(self.near.zero_)
         slots.launch(
             kernels.box_edges, (slots.blocks, 2), slots.blocks, self._ends, self._masks, slots.points, directions,
-            *flat, self._edge_boxes,
+            *flat, self._boxes, self._first,
         )  # fmt: skip
-        inputs = (slots.blocks, slots.tables, self._joined, self._edge_boxes)
+        inputs = (slots.tables, self._joined, self._boxes, self._first)
         slots.launch(kernels.close_rectangles, slots.blocks, *inputs, along_u, along_v)
         slots.fit_levels(along_u)
         slots.fit_levels(along_v)
         slots.launch(
-            kernels.look_around, slots.blocks, slots.tables, slots.scene, drifts, self._around, along_u, along_v,
+            kernels.look_around, slots.blocks, slots.tables, slots.scene, drifts, self._tiles, along_u, along_v,
             self.near,
         )  # fmt: skip
 
 
 def _edges(mesh: ContactMesh) -> tuple[Ints, NDArray[np.float64]]:
-    """Slot at the end of the edge that begins at each slot, along u and v, shape (2 blocks, 16), and their masks."""
+    """Slot at the end of the edge that begins at each slot, along u and v, shape (2 blocks, 16), and masks.
+
+    See :func:`warpdeform.kernels.contact_lookout.contact_lookout`. Empty slots repeat the first one: so do their edges.
+    """
     ends = np.tile(np.arange(mesh.slot_count).reshape(1, -1, BLOCK), (2, 1, 1))
-    masks = np.full(ends.shape, -BOUNDLESS)
+    masks = np.full((4, *ends.shape[1:]), -BOUNDLESS)
     for body, surface in enumerate(mesh.surfaces):
         grid = surface.grid
         if grid.dimension != 2 or any(grid.periodic):
@@ -83,29 +86,36 @@ def _edges(mesh: ContactMesh) -> tuple[Ints, NDArray[np.float64]]:
         nodes, slots = mesh.nodes[mine], mesh.slots[body]
         index, steps = np.divmod(nodes, grid.nodes[1]), (grid.nodes[1], 1)
         for axis in range(2):
-            # Empty slots repeat the first: so do their edges.
-            has_edge = index[axis] < grid.nodes[axis] - 1
+            has_edge, across = index[axis] < grid.nodes[axis] - 1, index[1 - axis]
+            is_first = has_edge & (across == across[:, :1])
             masks[axis, mine] = np.where(has_edge, 0.0, BOUNDLESS)
+            masks[2 + axis, mine] = np.where(is_first, 0.0, BOUNDLESS)
             ends[axis, mine] = slots[np.where(has_edge, nodes + steps[axis], nodes)]
     return ends.reshape(-1, BLOCK), masks
 
 
-def _around(place: Ints) -> Ints:
-    """Blocks around each, by rows, -1 for none, shape (9, blocks)."""
-    size = place.max(axis=0) + 1
-    table = np.full(size + [0, 2, 2], -1)
-    patch, row, column = place.T
-    table[patch, row + 1, column + 1] = np.arange(len(place))
-    return np.stack([table[patch, row + i, column + j] for i in range(3) for j in range(3)])
+def _tiles(place: Ints) -> Ints:
+    """Block at each place, -1 for none, shape (patches, rows, columns)."""
+    tiles = np.full(place.max(axis=0) + 1, -1)
+    tiles[tuple(place.T)] = np.arange(len(place))
+    return tiles
 
 
-def _joined(around: Ints) -> Ints:
-    """Blocks in which a rectangle's last edges are, below and beside it, or where there are none those before it."""
+def _joined(tiles: Ints, place: Ints, without: NDArray[np.bool_]) -> Ints:
+    """Whose boxes make up those of each block's rectangle: see `close_rectangles` there.
 
-    def one_of(*choices: Any) -> Ints:
-        found = around[4]
-        for k in choices:
-            found = np.where(around[k] >= 0, around[k], found)
-        return found
+    Args:
+        tiles: Block at each place.
+        place: Place of each block.
+        without: Blocks without edges along u, along v: they have those of the blocks before, if there are any.
+    """
+    own = np.arange(len(place))
+    table = np.pad(tiles, ((0, 0), (1, 1), (1, 1)), constant_values=-1)
 
-    return np.stack([one_of(1, 7), one_of(3, 5)])
+    def there(row: int, column: int) -> Ints:
+        found = table[place[:, 0], place[:, 1] + 1 + row, place[:, 2] + 1 + column]
+        return np.where(found >= 0, found, own)
+
+    along_u = [np.where(without[0], there(-1, 0), own), there(0, 1)]
+    along_v = [np.where(without[1], there(0, -1), own), there(1, 0)]
+    return np.stack([*along_u, *(len(place) + blocks for blocks in along_v)])
