@@ -33,7 +33,7 @@ class Lookout:
         self._ends, self._masks = slots.upload(ends, wp.int32), slots.upload(masks, slots.real)
         tiles = _tiles(slots.mesh.place)
         self._tiles = slots.upload(tiles, wp.int32)
-        without = (masks[:2] > 0.0).all(axis=-1)
+        without = np.asarray((masks[:2] > 0.0).all(axis=-1))
         self._joined = slots.upload(_joined(tiles, slots.mesh.place, without), wp.int32)
         self._boxes, self._first = (slots.zeros(2 * slots.blocks, box_words(slots.real).Box) for _ in range(2))
         self._along = (slots.tree(), slots.tree())
