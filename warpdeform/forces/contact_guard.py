@@ -81,11 +81,8 @@ class ContactGuard:
         return sum(int(a.capacity) for a in arrays) + self._risks.bytes()
 
     def begin(self) -> None:
-        """A step begins: nothing has been cut yet; pins are where they are in this step."""
+        """A step begins: nothing has been cut yet."""
         do_alone(self.state.zero_)
-        for k, body in enumerate(self._slots.bodies):
-            inputs = (body.free, self._unpinned, self._inverse_masses)
-            self._slots.launch_nodes(self._impulses.hold_pinned, k, *inputs)
 
     def find_way(self, position: str, goal: str, direction: str) -> None:
         """direction = goal - position."""
@@ -126,6 +123,9 @@ class ContactGuard:
             direction: Name of the displacements.
         """
         slots = self._slots
+        for k, body in enumerate(slots.bodies):
+            inputs = (body.free, self._unpinned, self._inverse_masses)
+            slots.launch_nodes(self._impulses.hold_pinned, k, *inputs)
         slots.launch(self._impulses.begin_guard, slots.blocks, self.state, self._stirred)
         slots.launch(self._impulses.keep_directions, slots.count, self.directions, self._wanted)
         repeat_while(self._active, self._look, position=position, direction=direction)
