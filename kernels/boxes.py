@@ -94,6 +94,21 @@ def box_words(real: Any) -> SimpleNamespace:
         return wp.max(x, wp.max(y, z))
 
     @wp.func
+    def approach(a: Box, b: Box, drift_a: Box, drift_b: Box):
+        """Least distance, along the axis where it is largest, of boxes whose contents move by drifts."""
+        still = real(0.0)
+        x = wp.max(
+            a[0] + wp.min(drift_a[0] - drift_b[3], still) - b[3], b[0] - a[3] - wp.max(drift_a[3] - drift_b[0], still)
+        )
+        y = wp.max(
+            a[1] + wp.min(drift_a[1] - drift_b[4], still) - b[4], b[1] - a[4] - wp.max(drift_a[4] - drift_b[1], still)
+        )
+        z = wp.max(
+            a[2] + wp.min(drift_a[2] - drift_b[5], still) - b[5], b[2] - a[5] - wp.max(drift_a[5] - drift_b[2], still)
+        )
+        return wp.max(x, wp.max(y, z))
+
+    @wp.func
     def box_at(boxes: wp.array3d(dtype=real), k: int):
         """Box number k of rows of 16."""
         low, high = words.load3(boxes, 0, k >> 4, k & 15), words.load3(boxes, 3, k >> 4, k & 15)
@@ -112,8 +127,9 @@ def box_words(real: Any) -> SimpleNamespace:
         return ok
 
     return SimpleNamespace(
-        Box=Box, Cone=Cone, at_slot=at_slot, grow=grow, union=union, between=between, box_at=box_at, smooth=smooth
-    )
+        Box=Box, Cone=Cone, at_slot=at_slot, grow=grow, union=union, between=between, approach=approach,
+        box_at=box_at, smooth=smooth,
+    )  # fmt: skip
 
 
 @functools.cache

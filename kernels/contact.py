@@ -20,7 +20,7 @@ import warp as wp
 from warpdeform.kernels.boxes import BLOCK, box_words
 from warpdeform.kernels.contact_geometry import closest
 from warpdeform.kernels.contact_law import contact_law
-from warpdeform.kernels.contact_lists import LENGTH, Pair
+from warpdeform.kernels.contact_lists import ANY, LENGTH, Pair
 from warpdeform.kernels.lanes import kernel_module, lanes
 from warpdeform.kernels.potential import potentials
 
@@ -29,10 +29,12 @@ FAR = 1.0e30
 CLOSE = 0.1
 """Range of edges that feel each other only when very close, as a share of that of the field, and their weight."""
 
-# Entries of the int32 state of a list: whether nodes have moved too far for it, whether the boxes are around them.
+# Entries of the int32 state of a list: whether nodes have moved too far for it, whether the boxes are around them, and
+# whether there is one.
 STALE = wp.constant(0)
 FITTED = wp.constant(1)
-LIST_STATE = 2
+MADE = wp.constant(2)
+LIST_STATE = 3
 
 
 @functools.cache
@@ -278,9 +280,18 @@ def contact(real: Any) -> SimpleNamespace:
     @wp.kernel(module=module)
     def judge_move(slack: real, move: wp.array(dtype=real), state_out: wp.array(dtype=wp.int32)):
         """Whether the list is stale, and whether the boxes fit: those of a new list do, or if nothing has moved."""
-        stale = not (move[0] <= slack)
+        stale = state_out[MADE] == 0 or not (move[0] <= slack)
+        state_out[MADE] = 1
         state_out[STALE] = wp.where(stale, 1, 0)
         state_out[FITTED] = wp.where(stale or move[0] == zero, 1, 0)
+
+    @wp.kernel(module=module)
+    def drop_list(counts_out: wp.array(dtype=wp.int32), state_out: wp.array(dtype=wp.int32)):
+        """There are no pairs, and whoever wants to know of any has to search, with boxes that have to be fitted."""
+        counts_out[LENGTH] = 0
+        counts_out[ANY] = 0
+        state_out[MADE] = 0
+        state_out[FITTED] = 0
 
     @wp.kernel(module=module)
     def keep_points(points: wp.array3d(dtype=real), listed_out: wp.array3d(dtype=real)):
@@ -299,6 +310,7 @@ def contact(real: Any) -> SimpleNamespace:
         begin_move=begin_move,
         measure_move=measure_move,
         judge_move=judge_move,
+        drop_list=drop_list,
         keep_points=keep_points,
         weigh_pairs=weigh_pairs,
         linearise_pairs=linearise_pairs,

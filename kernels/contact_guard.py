@@ -71,7 +71,7 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
     exact = closest(real)
     point_triangle, segment_segment = exact.point_triangle, exact.segment_segment
     shape, Law, Scene = box_words(real), contact_law(real), contact_search(width, real).Scene
-    Box, at_slot = shape.Box, shape.at_slot
+    Box, at_slot, approach = shape.Box, shape.at_slot, shape.approach
     distances = box_distances(width, real)
     Hits = wp.types.vector(HITS, wp.int32)
     groups = BLOCK // width
@@ -79,20 +79,6 @@ def contact_guard(width: int, real: Any) -> SimpleNamespace:
     kept = kept_separation(real)
     round_off = real(ROUND_OFF * EPSILONS[real])
     module = kernel_module("contact_guard", width, real)
-
-    @wp.func
-    def approach(a: Box, b: Box, drift_a: Box, drift_b: Box):
-        """Least distance, along the axis where it is largest, of boxes whose contents move by drifts."""
-        x = wp.max(
-            a[0] + wp.min(drift_a[0] - drift_b[3], zero) - b[3], b[0] - a[3] - wp.max(drift_a[3] - drift_b[0], zero)
-        )
-        y = wp.max(
-            a[1] + wp.min(drift_a[1] - drift_b[4], zero) - b[4], b[1] - a[4] - wp.max(drift_a[4] - drift_b[1], zero)
-        )
-        z = wp.max(
-            a[2] + wp.min(drift_a[2] - drift_b[5], zero) - b[5], b[2] - a[5] - wp.max(drift_a[5] - drift_b[2], zero)
-        )
-        return wp.max(x, wp.max(y, z))
 
     @wp.func
     def swept(box: Box, drift: Box, other_drift: Box):

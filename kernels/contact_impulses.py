@@ -228,6 +228,11 @@ def contact_impulses(real: Any) -> SimpleNamespace:
             state_out[UPDATES] = state_out[UPDATES] + 1
 
     @wp.kernel(module=module)
+    def count_update(state_out: wp.array(dtype=wp.int32)):
+        """An update in which nothing was near."""
+        state_out[UPDATES] = state_out[UPDATES] + 1
+
+    @wp.kernel(module=module)
     def hold_pinned(
         halo: int,
         slots: wp.array2d(dtype=wp.int32),
@@ -375,6 +380,7 @@ def contact_impulses(real: Any) -> SimpleNamespace:
         give_impulses=give_impulses,
         return_directions=return_directions,
         begin_guard=begin_guard,
+        count_update=count_update,
         hold_pinned=hold_pinned,
         note_stirred=note_stirred,
         begin_round=begin_round,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from warpdeform.forces.contact_friction import ContactFriction
 from warpdeform.forces.contact_guard import GUARD_KERNELS, ContactGuard
 from warpdeform.forces.contact_lists import FoundRows, PairList
+from warpdeform.forces.contact_lookout import Lookout
 from warpdeform.forces.contact_mesh import Surface
 from warpdeform.forces.contact_slots import ContactSlots
 from warpdeform.forces.coupling import Coupling
@@ -105,10 +106,11 @@ class ContactSystem(Coupling):
         inverse = [free / mass for free, mass in zip(movable, masses, strict=True)]
         spacing = min(surface.spacing for surface in surfaces)
         self.guarding = ContactGuard(slots, self._found, slots.upload_by_slot(inverse), spacing, nodes)
+        self.lookout = Lookout(slots)
         self._masses = slots.upload_by_slot(masses)
         self._listed, self._moved, self._directions = (slots.vectors() for _ in range(3))
         self._state, self._move = slots.zeros(LIST_STATE, wp.int32), slots.zeros(1, slots.real)
-        self._stale, self._unfitted = (self._state[entry : entry + 1] for entry in (STALE, FITTED))
+        self._stale, self._boxes_fit = (self._state[entry : entry + 1] for entry in (STALE, FITTED))
         self._slack = slots.real(SLACK * min(each.gap for each in touching))
         self._weights = slots.zeros(self.list.capacity, slots.real)
         self._shares = slots.zeros(self.list.capacity, self._kernels.Shares)
@@ -127,9 +129,11 @@ class ContactSystem(Coupling):
     @property
     def kernels(self) -> tuple[str, ...]:
         pairs = ("weigh_pairs", "linearise_pairs", "pair_energies", "add_pair_gradients", "add_pair_blocks")
+        looks = ("box_edges", "close_rectangles", "look_around")
         lists = ("fill_pairs", "count_corners", "enter_corners", "sort_entries")
         return (
             *(f"boxes.{name}" for name in ("gather", "fit_leaves", "fit_level", "fit_simplices")),
+            *(f"contact_lookout.{name}" for name in looks),
             "contact_search.find_pairs",
             *(f"contact_lists.{name}" for name in lists),
             *(f"contact.{name}" for name in (*pairs, "multiply_pairs", "add_couplings")),
@@ -140,12 +144,20 @@ class ContactSystem(Coupling):
         held = (self._masses, self._listed, self._moved, self._directions, self._weights, self._shares, self._pushes)
         own = sum(int(array.capacity) for array in (*held, self._pulls, self._diagonal, self._energies))
         own += self.friction.bytes() if self.friction else 0
-        return own + self.slots.bytes() + self._found.bytes() + self.list.bytes() + self.guarding.bytes()
+        return (
+            own
+            + self.slots.bytes()
+            + self._found.bytes()
+            + self.list.bytes()
+            + self.guarding.bytes()
+            + self.lookout.bytes()
+        )
 
     def begin(self) -> None:
         do_alone(self.list.lost.zero_)
         do_alone(lambda: self._closest.fill_(FAR))
         self.guarding.begin()
+        self.lookout.begin()
         if self.friction:
             self.friction.begin()
         self._fitted = ""
@@ -154,6 +166,7 @@ class ContactSystem(Coupling):
         """As told by `Coupling`; `linearise` has been asked for the accepted positions last."""
         if self.friction:
             self.friction.finish(self._shares)
+        self.lookout.begin()
 
     def judge(self, vector: str, state: wp.array) -> None:
         """Veto steps in which pins are held up."""
@@ -182,10 +195,19 @@ class ContactSystem(Coupling):
         if self.friction:
             self.friction.clear()
         self.list.counts.zero_()
-        self._listed.fill_(np.inf)
+        self._state.zero_()
+        self.lookout.begin()
 
     def linearise(self, vector: str) -> None:
-        """Find out what pairs do at a vector of all bodies, by its name; find new ones if nodes have moved too far."""
+        """Find out what pairs do at a vector of all bodies, by its name; find new ones if nodes have moved too far.
+
+        Within a step the vector lies on the way that the guard has been asked about last: if nothing comes near on it,
+        there is nothing to find out.
+        """
+        choose(self.lookout.near, lambda: self._linearise(vector), None)
+        self._fitted = vector
+
+    def _linearise(self, vector: str) -> None:
         slots = self.slots
         slots.gather(vector, slots.points)
         slots.launch(self._kernels.begin_move, 1, self._move)
@@ -193,7 +215,6 @@ class ContactSystem(Coupling):
         slots.launch(self._kernels.judge_move, 1, self._slack, self._move, self._state)
         choose(self._stale, self._find, None)
         choose(self.list.any, self.narrow, None)
-        self._fitted = vector
 
     def _find(self) -> None:
         slots = self.slots
@@ -257,12 +278,31 @@ class ContactSystem(Coupling):
 
     def guard(self, position: str, direction: str) -> None:
         """As told by `Coupling`; where `linearise` was asked for the same vector just before, its boxes may fit."""
-        if self._fitted == position:
-            choose(self._unfitted, None, self.slots.fit)
-        else:
-            self.slots.gather(position, self.slots.points)
-            self.slots.fit()
-        self.guarding.guard(position, direction)
+        slots, fitted = self.slots, self._fitted == position
+
+        def fit() -> None:
+            slots.gather(position, slots.points)
+            slots.fit_boxes()
+
+        def unless_fitted(operation: Callable[[], None]) -> None:
+            if fitted:
+                choose(self._boxes_fit, None, operation)
+            else:
+                operation()
+
+        def guard() -> None:
+            unless_fitted(slots.fit_simplices)
+            self.guarding.guard(position, direction)
+
+        unless_fitted(fit)
+        self.guarding.take(direction)
+        self.lookout.look(self.guarding.directions, self.guarding.drifts)
+        choose(self.lookout.near, guard, self._rest)
+
+    def _rest(self) -> None:
+        """Nothing comes near: there are no pairs, and nothing to guard."""
+        self.slots.launch(self._kernels.drop_list, 1, self.list.counts, self._state)
+        self.guarding.rest()
 
     def _on_nodes(self, name: str, inputs: Callable[[BodyArrays], Sequence[Any]]) -> None:
         """Launch a kernel over the nodes of all bodies, if there are pairs."""

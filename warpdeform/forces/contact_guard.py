@@ -41,6 +41,8 @@ class ContactGuard:
         lag: How far behind their targets pinned nodes are at the end of a step [m], shape (1,).
         others: Terms, with their bodies, whose own guards must hold too.
         rigid: Nodes that follow others; they are not pushed themselves.
+        directions: Displacements in slots [m].
+        drifts: Boxes of the tree around them.
     """
 
     def __init__(
@@ -50,7 +52,7 @@ class ContactGuard:
         self._spacing = slots.real(spacing)
         self._search, self._impulses = contact_guard(slots.width, slots.real), contact_impulses(slots.real)
         self._risks = PairList(found, slots.parts, slots.count, int(RISKS_PER_NODE * nodes), slots.device)
-        self._directions, self._wanted, self._drifts = slots.vectors(), slots.vectors(), slots.tree()
+        self.directions, self._wanted, self.drifts = slots.vectors(), slots.vectors(), slots.tree()
         self._walls = slots.zeros(self._risks.capacity, self._impulses.Wall)
         self._amounts = slots.zeros(self._risks.capacity, self._impulses.Amounts)
         self._pushed = slots.zeros(slots.count, wp.int32)
@@ -65,8 +67,8 @@ class ContactGuard:
     def bytes(self) -> int:
         """Device memory [bytes]."""
         arrays = (
-            self._directions,
-            self._drifts,
+            self.directions,
+            self.drifts,
             self._inverse_masses,
             self._unpinned,
             self._walls,
@@ -79,11 +81,8 @@ class ContactGuard:
         return sum(int(a.capacity) for a in arrays) + self._risks.bytes()
 
     def begin(self) -> None:
-        """A step begins: nothing has been cut yet; pins are where they are in this step."""
+        """A step begins: nothing has been cut yet."""
         do_alone(self.state.zero_)
-        for k, body in enumerate(self._slots.bodies):
-            inputs = (body.free, self._unpinned, self._inverse_masses)
-            self._slots.launch_nodes(self._impulses.hold_pinned, k, *inputs)
 
     def find_way(self, position: str, goal: str, direction: str) -> None:
         """direction = goal - position."""
@@ -111,29 +110,38 @@ class ContactGuard:
             self._slots.launch_nodes(self._impulses.measure_lag, k, *inputs)
         self._slots.launch(self._impulses.judge_lag, 1, self._slots.real(MOST_LAG), self.lag, state)
 
+    def take(self, direction: str) -> None:
+        """Bring displacements of all bodies, by their name, into slots, and boxes around them."""
+        self._slots.gather(direction, self.directions)
+        self._slots.fit_tree(self.directions, self.drifts)
+
     def guard(self, position: str, direction: str) -> None:
-        """Change displacements of all bodies; the boxes of the slots are around `position`.
+        """Change displacements of all bodies; the boxes of the slots are around `position`, `take` was called.
 
         Args:
             position: Name of the vector that they start from.
             direction: Name of the displacements.
         """
         slots = self._slots
+        for k, body in enumerate(slots.bodies):
+            inputs = (body.free, self._unpinned, self._inverse_masses)
+            slots.launch_nodes(self._impulses.hold_pinned, k, *inputs)
         slots.launch(self._impulses.begin_guard, slots.blocks, self.state, self._stirred)
-        slots.gather(direction, self._directions)
-        slots.launch(self._impulses.keep_directions, slots.count, self._directions, self._wanted)
+        slots.launch(self._impulses.keep_directions, slots.count, self.directions, self._wanted)
         repeat_while(self._active, self._look, position=position, direction=direction)
         choose(self._limited, lambda: self._on_nodes(self._impulses.shorten, direction, self._share), None)
+
+    def rest(self) -> None:
+        """There is nothing to guard in this update."""
+        self._slots.launch(self._impulses.count_update, 1, self.state)
 
     def _look(self, position: str, direction: str) -> None:
         """Look for pairs at risk, and push them apart."""
         slots, found = self._slots, self._found
-        slots.gather(direction, self._directions)
-        slots.fit_tree(self._directions, self._drifts)
         slots.launch(self._impulses.begin_round, 1, self._share, self._risks.lost)
         slots.launch(
             self._search.find_risks, (slots.blocks, slots.parts), slots.parts, self._spacing, slots.tables, slots.scene,
-            self._directions, self._drifts, self._stirred, self._risks.lost, self._share,
+            self.directions, self.drifts, self._stirred, self._risks.lost, self._share,
             found.numbers, found.points, found.edges,
         )  # fmt: skip
         self._risks.pack(slots.tables)
@@ -146,6 +154,7 @@ class ContactGuard:
             term.guard(body, getattr(body, position), getattr(body, direction))
         for ties in self.rigid:
             ties.spread(direction)
+        self.take(direction)
 
     def _start_again(self, direction: str) -> None:
         """With half of what nodes wanted to go."""
@@ -160,13 +169,13 @@ class ContactGuard:
         slots.launch(kernels.raise_walls, risks.threads, *listed, slots.scene.laws, slots.points, self._walls)
         for _ in range(SWEEPS):
             slots.launch(
-                kernels.find_impulses, risks.threads, *listed, self._walls, masses, self._directions, self._amounts
+                kernels.find_impulses, risks.threads, *listed, self._walls, masses, self.directions, self._amounts
             )
             slots.launch(kernels.count_pushed, slots.count, *entered, self._amounts, self._pushed)
             slots.launch(kernels.share_impulses, risks.threads, *listed, self._pushed, self._amounts)
-            slots.launch(kernels.give_impulses, slots.count, *entered, self._walls, self._amounts, self._directions)
+            slots.launch(kernels.give_impulses, slots.count, *entered, self._walls, self._amounts, self.directions)
         slots.launch(kernels.note_stirred, slots.blocks, slots.tables, risks.starts, risks.lost, self._stirred)
-        self._on_nodes(kernels.return_directions, direction, risks.starts, self._directions, self.state)
+        self._on_nodes(kernels.return_directions, direction, risks.starts, self.directions, self.state)
 
     def _on_nodes(self, kernel: Any, vector: str, *inputs: Any) -> None:
         for k, body in enumerate(self._slots.bodies):

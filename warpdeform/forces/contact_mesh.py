@@ -48,6 +48,7 @@ class ContactMesh:
     """The tables of all bodies; see the module.
 
     Attributes:
+        surfaces: What it is of.
         blocks: Number of blocks.
         nodes: Node of its body in each slot, shape (blocks, 16); empty slots repeat the first.
         present: Nodes in each block.
@@ -73,6 +74,7 @@ class ContactMesh:
     """
 
     def __init__(self, surfaces: Sequence[Surface]) -> None:
+        self.surfaces = tuple(surfaces)
         self._tiles: list[Ints] = []
         self._places: list[tuple[int, int, int]] = []
         self.body: Ints

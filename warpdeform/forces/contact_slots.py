@@ -100,13 +100,25 @@ class ContactSlots:
     def fit_tree(self, slots: wp.array, tree: wp.array) -> None:
         """Boxes of the tree around vectors in slots."""
         self.launch(self._kernels.fit_leaves, self.blocks, self.tables, slots, tree)
+        self.fit_levels(tree)
+
+    def fit_levels(self, tree: wp.array) -> None:
+        """Inner boxes of a tree around its leaves."""
         for level in self._levels:
             self.launch(self._kernels.fit_level, level.shape[0], self.tables, level, tree)
 
     def fit(self) -> None:
         """Boxes and cones of the scene around `points`."""
+        self.fit_boxes()
+        self.fit_simplices()
+
+    def fit_boxes(self) -> None:
+        """Boxes of the scene's tree around `points`."""
+        self.fit_tree(self.points, self.scene.boxes)
+
+    def fit_simplices(self) -> None:
+        """Cones of blocks, and boxes of triangles and edges, around `points`."""
         scene = self.scene
-        self.fit_tree(self.points, scene.boxes)
         self.launch(
             self._kernels.fit_simplices, self.blocks, self.tables, self.flattened(self.points), self._border,
             scene.cones, scene.triangle_boxes, scene.edge_boxes, scene.sharp,
