@@ -129,6 +129,7 @@ def _tube(side: int) -> Family:
         "nodes": [side, side],
         "shape": {"kind": "tube", "radius": 0.2, "length": 1.0},
         "material": _MEMBRANE,
+        "position": [0.0, 0.0, 1.5],
         "velocity": _DOWN,
         "pins": ["corner:0,0"],
     }
@@ -148,6 +149,7 @@ def _strands(side: int) -> Family:
         "shape": {"kind": "line", "length": 0.2},
         "section": {"radius": 5e-4},
         "material": thread,
+        "position": [0.0, 0.0, 1.5],
         "velocity": _DOWN,
         "pins": ["end:0"],
     }
