@@ -160,6 +160,9 @@ class Force:
     def add_energy(self, body: BodyArrays, position: wp.array, partials: wp.array) -> None:
         """Add the energy [J] to `partials` (float64, [rows, columns]), each thread at its own node's entry."""
 
+    def forbid_start(self, body: BodyArrays, before: wp.array, position: wp.array, partials: wp.array) -> None:
+        """Add infinity to `partials` where Newton must not start at `position`, predicted from `before`."""
+
     def stored_energy(self, body: BodyArrays, position: wp.array) -> float:
         """Energy [J] for reports (host): of terms whose `energy_kind` is not empty, with no constant left out."""
         body.partials.zero_()

@@ -18,6 +18,7 @@ from warpdeform.growth import Growth
 from warpdeform.halo import Halo
 from warpdeform.kernels import solid as kernels
 from warpdeform.kernels.solid_blocks import solid_blocks
+from warpdeform.kernels.solid_folds import solid_folds
 from warpdeform.kernels.solid_gather import FLUX_COMPONENTS, solid_gather
 from warpdeform.kernels.solid_levels import solid_levels
 from warpdeform.kernels.solid_mean import solid_mean
@@ -130,8 +131,9 @@ class SolidElasticity(Force):
     def kernels(self) -> tuple[str, ...]:
         """Names of the kernels that a step launches."""
         names = ("stress_cells", "product_cells", "energy_cells")
+        others = ("solid_folds.forbid_folds", "solid_gather.gather", "solid_blocks.block_nodes")
         grows = self.growth.kernels if self.growth is not None else ()
-        return (*(f"solid.{name}" for name in names), "solid_gather.gather", "solid_blocks.block_nodes", *grows)
+        return (*(f"solid.{name}" for name in names), *others, *grows)
 
     def bytes(self) -> int:
         """Device memory that the term keeps [bytes]."""
@@ -213,6 +215,12 @@ class SolidElasticity(Force):
         self._halo.refresh(position)
         k = self._words
         self._launch(k.energy_cells, self._layout.stride, position, self.q0, *self._law, self.volume, partials)
+
+    def forbid_start(self, body: BodyArrays, before: wp.array, position: wp.array, partials: wp.array) -> None:
+        """No cell may be squeezed flat or turned inside out on the way."""
+        self._halo.refresh(before, position)
+        kernel = solid_folds(self._layout.lane_width, self._real).forbid_folds
+        self._launch(kernel, self._layout.stride, self.share, before, position, partials)
 
     def add_gradient(self, body: BodyArrays, position: wp.array, gradient: wp.array) -> None:
         """Add the exact derivative of the energy; uses the stresses of `linearise` (before any Hessian product)."""

@@ -259,7 +259,7 @@ class NewtonStepper(Stepper):
             return
         if self.method.searches:
             self._potential("z", entries.PHI_STILL)
-            self._potential("trial", entries.PHI)
+            self._potential("trial", entries.PHI, before="z")
             self._decide("choose_start", self._limits.array, self._scalars)
         self._step_along("z")
 
@@ -387,8 +387,8 @@ class NewtonStepper(Stepper):
         for state in self.states:
             self._stage(state, "displace", self._scalars, state.z, state.direction, getattr(state, vector))
 
-    def _potential(self, vector: str, entry: int) -> None:
-        """Incremental potential of a vector into the scalars."""
+    def _potential(self, vector: str, entry: int, before: str | None = None) -> None:
+        """Incremental potential of a vector into the scalars; infinite where a start `before` it must not get there."""
         for state, own in zip(self.states, self.terms, strict=True):
             position = getattr(state, vector)
             self._stage(state, "clear_partials", state.partials)
@@ -396,6 +396,8 @@ class NewtonStepper(Stepper):
             self._stage(state, "add_inertial_energy", state.mass, inertia, position, state.y, state.partials)
             for term in own:
                 term.add_energy(state, position, state.partials)
+                if before is not None:
+                    term.forbid_start(state, getattr(state, before), position, state.partials)
         for coupling in self._couplings:
             coupling.add_energy(vector)
         self.sums.total_partials(entry, self._scalars)
