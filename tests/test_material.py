@@ -19,7 +19,8 @@ from warpdeform.coefficients import (
 )
 from warpdeform.errors import InputError
 from warpdeform.grid import ParameterGrid
-from warpdeform.material import PRESETS, Material
+from warpdeform.material import Material
+from warpdeform.presets import PRESETS
 from warpdeform.section import Section
 from warpdeform.varying import Varying
 

@@ -24,6 +24,7 @@ from warpdeform.forces.force import Force
 from warpdeform.forces.parameters import Parameters
 from warpdeform.integrators.control import AdaptiveSteps, FixedSteps, StepControl
 from warpdeform.integrators.integrator import ImplicitMethod
+from warpdeform.integrators.rounding import MOST_LOST, worst_fall
 from warpdeform.integrators.stepper import Problem, Replay, Stepper
 from warpdeform.kernels import newton as entries
 from warpdeform.launching import choose, do_each, repeat_while
@@ -37,9 +38,6 @@ IMPACT_ITERATIONS = 4
 """Fewest Newton iterations of a step that meets an impact: one cannot tell the part that is stopped from the rest."""
 ULPS = 8.0
 """Relative round-off of a potential, in units of the precision's epsilon: a sum of products of differences."""
-
-MOST_LOST = 0.01
-"""Share of a fall that may be lost to the round-off of positions before it is said."""
 
 W, Y, START, NEXT, ERROR, SPEED = range(6)
 """Rows of the weights that make the stage vectors, the prediction for the next step, and the lengths of the estimate of
@@ -117,26 +115,16 @@ class NewtonStepper(Stepper):
         return attempts
 
     def mistakes(self, replay: Replay) -> list[Mistake]:
-        """Positions in float32 far from the origin, or very short steps: what gravity adds in a step is rounded away.
-
-        Velocities are differences of positions over the stage's step, so that what is rounded away is not made up for.
-        """
+        """Steps in float32 that round falls away."""
         settings, dt = self.settings, self.settings.dt
         if settings.precision != "float32":
             return []
         tau = min(stage_.tau for stage_ in self.method.stages(dt, dt))
-        lost, resolved, fall = 0.0, 0.0, 0.0
-        for axis, gravity in enumerate(settings.gravity):
-            reach = max(float(np.abs(state.model.initial_positions[..., axis]).max()) for state in self.states)
-            step, moved = float(np.spacing(np.float32(reach))), abs(gravity) * tau * tau
-            if gravity and 0.5 * step >= lost * moved:
-                lost, resolved, fall = 0.5 * step / moved if moved else np.inf, step, moved
-        seen = f"resolves {resolved:.2g} m at the bodies, and gravity moves them by {fall:.2g} m in a stage"
-        if lost >= 1.0:
-            remedy = "Use float64, longer steps, or bring the scene nearer to the origin."
-            return [Mistake("precision", settings.precision, f"{seen}: they would stand still", remedy)]
-        if lost > MOST_LOST:
-            self.notes = (*self.notes, f"float32 {seen}: falls may be off by {lost:.0%}; float64 does not lose that.")
+        found = worst_fall(self.states, settings.gravity, tau)
+        if found.share >= 1.0:
+            return [found.mistake()]
+        if found.share > MOST_LOST:
+            self.notes = (*self.notes, found.note())
         return []
 
     def restart(self) -> None:
